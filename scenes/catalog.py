@@ -1,0 +1,66 @@
+"""The scenes that can be named: the library's, and any .pbrt file by its path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenes.description import SceneDescription
+from scenes.errors import PenumbraError
+from scenes.parser import parse_file
+from scenes.template import TemplateParameter, Values, read_header
+from scenes.tokens import read_source
+
+LIBRARY = Path(__file__).parent / "library"
+
+
+@dataclass(frozen=True)
+class LibraryScene:
+    """A built-in scene. title: the first line of its header comment; doc: the whole of it."""
+
+    name: str
+    path: Path
+    title: str
+    doc: str
+    parameters: tuple[TemplateParameter, ...]
+
+
+def library() -> list[LibraryScene]:
+    """All built-in scenes, by name."""
+    return [_library_scene(path) for path in sorted(LIBRARY.glob("*.pbrt"))]
+
+
+def _library_scene(path: Path) -> LibraryScene:
+    header = read_header(read_source(path))
+    return LibraryScene(path.stem, path, header.title, header.doc, header.parameters)
+
+
+def load(name_or_path: str, parameters: Values | None = None) -> SceneDescription:
+    """Read a scene by library name or by path of a .pbrt file.
+
+    parameters: values of the template's `$name`s, finite numbers. PenumbraError where there is no such scene or
+    parameter, SceneError with file, line and column where the text is wrong.
+    """
+    path = find(name_or_path)
+    return parse_file(path, parameters, name_or_path if path.parent == LIBRARY else None)
+
+
+def find(name_or_path: str) -> Path:
+    """The file of a scene; PenumbraError saying what there is, if there is none."""
+    names = [path.stem for path in sorted(LIBRARY.glob("*.pbrt"))]
+    if name_or_path in names:
+        return LIBRARY / f"{name_or_path}.pbrt"
+    path = Path(name_or_path)
+    try:
+        if path.is_file():
+            return path
+        exists = path.exists()
+    except (OSError, ValueError):
+        exists = False
+    if exists:
+        raise PenumbraError(f"{name_or_path!r} is no file")
+    if path.suffix == ".pbrt" or len(path.parts) > 1:
+        raise PenumbraError(f"there is no scene file {name_or_path!r}")
+    raise PenumbraError(
+        f"unknown scene {name_or_path!r}; there are: {', '.join(names)}, or give the path of a .pbrt file"
+    )

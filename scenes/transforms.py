@@ -1,0 +1,182 @@
+"""pbrt-v4's transformations: each carries its inverse, and `LookAt` makes a left-handed camera space."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import cosdg, sindg  # pyright: ignore[reportMissingTypeStubs]
+
+from scenes.errors import Location, SceneError
+
+Array = NDArray[np.float64]
+
+COORDINATE_LIMIT = 1e18  # beyond it squares overflow the float32 of ray tracers
+SHAPE_TOLERANCE = 1e-5  # matrices in scene files are often rounded to six digits
+INVERSE_TOLERANCE = 1e-6
+ROUNDING = 1e-14  # what is orthogonal up to this is inverted by transposition, exactly
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """matrix, inverse: (4, 4) float64; columns are the images of the axes, as in pbrt."""
+
+    matrix: Array
+    inverse: Array
+
+    def __matmul__(self, other: Transform) -> Transform:
+        """`self` after `other`."""
+        return Transform(_product(self.matrix, other.matrix), _product(other.inverse, self.inverse))
+
+    def points(self, p: Array) -> Array:
+        """Transform points: (m, 3) -> (m, 3)."""
+        x, y, z = p.T
+        rows = self.matrix
+        columns = [rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z + rows[i, 3] for i in range(3)]
+        return np.stack(columns, axis=1) + 0.0
+
+    @property
+    def swaps_handedness(self) -> bool:
+        """Whether it mirrors."""
+        return bool(np.linalg.slogdet(self.matrix[:3, :3])[0] < 0)
+
+    def inverted(self) -> Transform:
+        """The inverse, at no cost and no loss."""
+        return Transform(self.inverse, self.matrix)
+
+
+def _product(a: Array, b: Array) -> Array:
+    # Not `@`: BLAS may fuse multiplications and additions, and then a scene's hash would depend on the machine.
+    return (a[:, :, None] * b[None, :, :]).sum(axis=1)
+
+
+def identity() -> Transform:
+    """The identity."""
+    return Transform(np.eye(4), np.eye(4))
+
+
+def translate(x: float, y: float, z: float) -> Transform:
+    """Translation by (x, y, z)."""
+    matrix, inverse = np.eye(4), np.eye(4)
+    matrix[:3, 3] = (x, y, z)
+    inverse[:3, 3] = (-x, -y, -z)
+    return Transform(matrix, inverse)
+
+
+def scale(x: float, y: float, z: float) -> Transform:
+    """Scaling along the axes; ValueError if a factor is 0."""
+    if 0 in (x, y, z):
+        raise ValueError("a factor of 0 flattens space")
+    return Transform(np.diag([x, y, z, 1.0]), np.diag([1 / x, 1 / y, 1 / z, 1.0]))
+
+
+def rotate(degrees: float, x: float, y: float, z: float) -> Transform:
+    """Right-handed rotation about the axis (x, y, z), exact at multiples of 90 degrees; ValueError if there is no axis."""
+    axis = unit(np.array([x, y, z]))
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    c, s = float(cosdg(degrees)), float(sindg(degrees))
+    matrix = np.eye(4)
+    matrix[:3, :3] = c * np.eye(3) + (1 - c) * np.outer(axis, axis) + s * cross
+    return Transform(matrix, matrix.T.copy())
+
+
+def look_at(eye: Array, target: Array, up: Array) -> Transform:
+    """World to camera at `eye`, z towards `target`; x = up cross z, so the space is left-handed as pbrt's.
+
+    ValueError where eye and target coincide, or up lies along the direction of view.
+    """
+    forward = unit(target - eye)
+    right = np.cross(unit(up), forward)
+    if np.linalg.norm(right) < 1e-12:
+        raise ValueError("the up vector lies along the direction of view")
+    right = unit(right)
+    to_world = np.eye(4)
+    to_world[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    to_world[:3, 3] = eye
+    rotation = np.eye(4)
+    rotation[:3, :3] = to_world[:3, :3].T
+    return Transform(rotation, rotation.T.copy()) @ translate(*(-eye))
+
+
+def from_matrix(values: Sequence[float]) -> Transform:
+    """The matrix of `Transform` and `ConcatTransform`: 16 numbers, column after column; ValueError if not invertible."""
+    matrix = np.array(values).reshape(4, 4).T + 0.0
+    if not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise ValueError(
+            "the last row of the matrix (each fourth number) must be 0 0 0 1: projections are not supported"
+        )
+    linear = matrix[:3, :3]
+    if not np.any(matrix[:3, 3]) and np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:
+        return Transform(matrix, matrix.T.copy())
+    try:
+        inverse = np.linalg.inv(matrix).astype(np.float64)
+    except np.linalg.LinAlgError:
+        raise ValueError("the matrix has no inverse") from None
+    inverse[3] = (0, 0, 0, 1)
+    if not np.abs(_product(matrix, inverse) - np.eye(4)).max() <= INVERSE_TOLERANCE:
+        raise ValueError("the matrix has no inverse that can be computed")
+    return Transform(matrix, inverse)
+
+
+def unit(v: Array) -> Array:
+    """(3,) scaled to length 1; what has that length up to rounding is left as it is. ValueError for the zero vector."""
+    largest = np.abs(v).max()
+    if largest == 0:
+        raise ValueError("a direction must not be the zero vector")
+    if largest <= 1 and abs(v @ v - 1) <= 8 * np.finfo(np.float64).eps:
+        return v
+    v = v / largest  # else squares of tiny or huge components leave the range
+    return v / np.linalg.norm(v)
+
+
+def uniform_scale(columns: Array) -> float | None:
+    """The factor by which orthogonal columns of one length, (3, k), scale; None where they stretch or shear."""
+    lengths = np.linalg.norm(columns, axis=0)
+    factor = float(lengths.mean())
+    gram = (columns / factor).T @ (columns / factor)
+    if not np.abs(gram - np.eye(columns.shape[1])).max() <= SHAPE_TOLERANCE:
+        return None
+    return 1.0 if abs(factor - 1) <= ROUNDING else factor
+
+
+def rigid(transform: Transform) -> Array | None:
+    """Camera to world of a camera's CTM, its uniform scale and rounding taken out: (4, 4); None where it stretches."""
+    matrix = transform.inverse.copy()
+    linear = matrix[:3, :3]
+    factor = uniform_scale(linear)
+    if factor is None:
+        return None
+    if np.abs(linear.T @ linear - np.eye(3)).max() > ROUNDING:
+        left, _, right = np.linalg.svd(linear)
+        matrix[:3, :3] = left @ right
+    return matrix + 0.0
+
+
+_MAKERS: dict[str, tuple[int, Callable[..., Transform]]] = {
+    "Identity": (0, identity),
+    "Translate": (3, translate),
+    "Scale": (3, scale),
+    "Rotate": (4, rotate),
+    "LookAt": (9, lambda *v: look_at(np.array(v[:3]), np.array(v[3:6]), np.array(v[6:]))),
+    "Transform": (16, lambda *v: from_matrix(v)),
+    "ConcatTransform": (16, lambda *v: from_matrix(v)),
+}
+ARGUMENTS = {name: count for name, (count, _) in _MAKERS.items()}
+
+
+def apply_directive(name: str, values: Sequence[float], current: Transform, where: Location) -> Transform:
+    """The current transformation after directive `name` with its numbers; SceneError where there is no inverse."""
+    with np.errstate(all="ignore"):
+        try:
+            made = _MAKERS[name][1](*values)
+        except ValueError as error:
+            raise SceneError(f"{name}: {error}", where) from None
+        result = made if name in ("Identity", "Transform") else current @ made
+        for matrix in (result.matrix, result.inverse):
+            if not np.all(np.abs(matrix) <= COORDINATE_LIMIT):
+                raise SceneError(
+                    f"{name}: it, or its inverse, is beyond {COORDINATE_LIMIT:g}, the range of coordinates", where
+                )
+    return result

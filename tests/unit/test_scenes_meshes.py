@@ -1,0 +1,132 @@
+"""PLY files: read to the bit, quadrilaterals as patches, and clear words for what is damaged or not supported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from trimesh.exchange.ply import export_ply
+
+from scenes.description import BilinearMesh, TriangleMesh
+from scenes.errors import PenumbraError, SceneError
+from scenes.meshes import read_ply
+from scenes.parser import parse_file
+from tests.unit.scene_texts import HEAD, face_normals
+
+POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n"
+TRIANGLES, QUADS = "3 0 1 2\n3 0 2 3\n", "4 0 1 2 3\n4 1 4 2 2\n"
+
+
+def ascii_ply(faces: str, points: str = POINTS, extra: str = "") -> bytes:
+    head = f"ply\nformat ascii 1.0\nelement vertex {points.count(chr(10))}\nproperty float x\nproperty float y\n"
+    head += f"property float z\n{extra}element face {faces.count(chr(10))}\nproperty list uchar int vertex_indices\n"
+    return (head + "end_header\n" + points + faces).encode()
+
+
+def binary_quads() -> bytes:
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty double x\nproperty double y\n"
+    head += "property double z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]], dtype="<f8")
+    return head.encode() + points.tobytes() + b"\x04" + np.arange(4, dtype="<i4").tobytes()
+
+
+def written(folder: Path, data: bytes, name: str = "m.ply") -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["binary", "ascii"])
+def test_a_triangle_mesh_is_read_to_the_bit(tmp_path: Path, encoding: str) -> None:
+    ball = trimesh.creation.icosphere(2)
+    points = ball.vertices.astype(np.float32)
+    data = export_ply(trimesh.Trimesh(points, ball.faces, process=False), encoding=encoding, vertex_normal=False)
+    mesh = read_ply(written(tmp_path, data))
+    np.testing.assert_array_equal(mesh.triangles, ball.faces)
+    if encoding == "binary":
+        np.testing.assert_array_equal(mesh.vertices, points.astype(np.float64))
+    else:  # eight decimals, as trimesh writes them
+        np.testing.assert_allclose(mesh.vertices, points, atol=1e-8)
+    assert mesh.quads.shape == (0, 4)
+
+
+def test_no_vertex_is_merged_or_dropped(tmp_path: Path) -> None:
+    mesh = read_ply(written(tmp_path, ascii_ply("3 0 1 2\n", points="0 0 0\n1 0 0\n0 0 0\n7 7 7\n")))
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 0, 0], [7, 7, 7]]
+
+
+def test_quads_stay_whole_also_beside_triangles(tmp_path: Path) -> None:
+    mixed = read_ply(written(tmp_path, ascii_ply(TRIANGLES + QUADS)))
+    assert mixed.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mixed.quads.tolist() == [[0, 1, 2, 3], [1, 4, 2, 2]]
+    assert read_ply(written(tmp_path, ascii_ply(QUADS))).quads.tolist() == mixed.quads.tolist()
+    assert read_ply(written(tmp_path, binary_quads())).quads.tolist() == [[0, 1, 2, 3]]
+
+
+def test_a_mesh_file_becomes_the_shapes_that_pbrt_makes_of_it(tmp_path: Path) -> None:
+    written(tmp_path, ascii_ply("3 1 4 2\n4 0 1 2 3\n"))
+    scene = tmp_path / "s.pbrt"
+    scene.write_text(HEAD + 'ReverseOrientation Translate 0 0 5 Shape "plymesh" "string filename" "m.ply"')
+    triangles, patches = (shape.geometry for shape in parse_file(scene).shapes)
+    assert isinstance(triangles, TriangleMesh)
+    assert isinstance(patches, BilinearMesh)
+    assert patches.faces.tolist() == [[0, 1, 3, 2]]  # p00 p10 p01 p11
+    assert triangles.vertices[:, 2].tolist() == patches.vertices[:, 2].tolist() == [5] * 5
+    for geometry in (triangles, patches):
+        assert face_normals(geometry.vertices, geometry.faces, geometry.reverse).tolist() == [[0, 0, -1]]
+
+
+NORMALS = "property float nx\nproperty float ny\nproperty float nz\n"
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (b"", "no PLY file"),
+        (b"solid cube\n", "no PLY file"),
+        (b"ply\nformat ascii 1.0\n", "no PLY file"),
+        (b"ply\nformat ascii 1.0\nelement vertex 3\nproperty what x\nend_header\n", "no PLY file"),
+        (ascii_ply(""), "no faces"),
+        (ascii_ply("3 0 1 9\n"), "beyond its 5 vertices"),
+        (ascii_ply("3 0 1 -1\n"), "beyond its 5 vertices"),
+        (ascii_ply("5 0 1 2 3 4\n"), "neither triangles nor quadrilaterals"),
+        (ascii_ply("2 0 1\n3 0 1 2\n"), "neither triangles nor quadrilaterals"),
+        (ascii_ply(TRIANGLES, points="0 0 0\n1 0 0\n1 nan 0\n0 1 0\n2 0 0\n"), "not finite"),
+        (ascii_ply(TRIANGLES, points="0 0 0\n1 0 0\nhello there\n0 1 0\n"), "no PLY file"),
+        (ascii_ply(TRIANGLES, "0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n", NORMALS), "vertex normals"),
+        (ascii_ply(TRIANGLES).replace(b"face 2", b"face 3"), "as its header says"),
+        (ascii_ply(TRIANGLES).replace(b"vertex 5", b"wertex 5"), "as its header says"),
+        (binary_quads()[:-2], "no PLY file"),
+        (binary_quads() + b"\x00", "unexpected length"),
+        (binary_quads().replace(b"face 1", b"face 1000000000000"), "unexpected length"),
+    ],
+)
+def test_damaged_or_unsupported_files_are_named_with_the_reason(tmp_path: Path, data: bytes, word: str) -> None:
+    path = written(tmp_path, data)
+    with pytest.raises(PenumbraError, match=word) as caught:
+        read_ply(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_binary_mixtures_are_refused_with_a_cure(tmp_path: Path) -> None:
+    triangle = b"\x03" + np.arange(3, dtype="<i4").tobytes()
+    data = binary_quads().replace(b"face 1", b"face 2")
+    with pytest.raises(PenumbraError, match="triangulate"):
+        read_ply(written(tmp_path, data + triangle))
+    three = data.replace(b"face 2", b"face 3") + triangle + b"\x05" + np.arange(5, dtype="<i4").tobytes()
+    with pytest.raises(PenumbraError, match="triangulate"):  # as long as three quadrilaterals would be
+        read_ply(written(tmp_path, three))
+
+
+def test_errors_of_a_mesh_file_stand_where_the_scene_names_it(tmp_path: Path) -> None:
+    written(tmp_path, ascii_ply("4 0 1 2 3\n", points="0 0 0\n1 0 0\n1 1 0.5\n0 1 0\n"))
+    scene = tmp_path / "s.pbrt"
+    scene.write_text('Camera "perspective"\nWorldBegin\n  Shape "plymesh" "string filename" "m.ply"')
+    with pytest.raises(SceneError, match=r"s\.pbrt:3:3: patch 0 is not planar"):
+        parse_file(scene)
+    written(tmp_path, b"nonsense")
+    with pytest.raises(SceneError, match=r"s\.pbrt:3:19: .*no PLY file"):
+        parse_file(scene)

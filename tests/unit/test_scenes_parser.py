@@ -1,0 +1,286 @@
+"""Directives, the attribute stack, materials, lights, includes; and errors at the exact place."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.description import Emission, Sphere
+from scenes.errors import SceneError
+from scenes.parser import NESTING_LIMIT, parse, parse_file
+from scenes.stream import INCLUDE_COUNT, INCLUDE_DEPTH
+from tests.unit.scene_texts import HEAD, TRIANGLE, fails, world, world_fails
+
+BALL = 'Shape "sphere"\n'
+LIGHT = 'AreaLightSource "diffuse" "rgb L" [ 1 2 3 ]\n'
+
+
+def reflectances(body: str) -> list[list[float]]:
+    return [shape.material.reflectance.tolist() for shape in world(body).shapes]
+
+
+def test_a_scene_without_lights_or_shapes_is_legal() -> None:
+    scene = parse(HEAD, file="some/where/empty.pbrt")
+    assert scene.shapes == ()
+    assert scene.name == "empty"
+    assert (scene.film.width, scene.film.height, scene.camera.fov) == (8, 6, 40.0)
+
+
+def test_defaults_where_the_file_says_nothing() -> None:
+    scene = parse('Camera "perspective"\nWorldBegin\n' + BALL)
+    assert (scene.camera.fov, scene.film.width, scene.film.height) == (90.0, 1280, 720)
+    assert astuple(scene.defaults) == ("independent", 16, 0)
+    np.testing.assert_array_equal(scene.camera.camera_to_world, np.eye(4))
+    (shape,) = scene.shapes
+    assert shape.material.reflectance.tolist() == [0.5, 0.5, 0.5]
+    assert shape.emission is None
+    assert isinstance(shape.geometry, Sphere)
+    assert shape.geometry.radius == 1.0
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ('Sampler "independent" "integer pixelsamples" 64', ("independent", 64, 0)),
+        ('Sampler "independent" "integer seed" [ 7 ]', ("independent", 16, 7)),
+        ('Sampler "sobol" "string randomization" "owen"', ("sobol", 16, 0)),
+        ('Sampler "zsobol" "integer pixelsamples" [ 4 ]', ("sobol", 4, 0)),
+        ('Sampler "paddedsobol"', ("sobol", 16, 0)),
+    ],
+)
+def test_samplers(line: str, expected: tuple[str, int, int]) -> None:
+    assert astuple(parse(f"{line}\n{HEAD}").defaults) == expected
+
+
+def test_defaults_are_no_part_of_the_content() -> None:
+    assert parse('Sampler "sobol"\n' + HEAD).content_hash() == parse(HEAD).content_hash()
+
+
+def test_attributes_are_saved_and_restored() -> None:
+    scene = world(
+        'Material "diffuse" "rgb reflectance" [ .1 .1 .1 ] Translate 1 0 0\n'
+        "AttributeBegin\n"
+        + LIGHT
+        + 'Material "diffuse" "rgb reflectance" [ .2 .2 .2 ] Translate 0 1 0 ReverseOrientation\n'
+        + BALL
+        + f"AttributeBegin ReverseOrientation {BALL} AttributeEnd\n"
+        + f"AttributeEnd {BALL}"
+    )
+    inner, nested, outer = scene.shapes
+    centers = [shape.geometry.center.tolist() for shape in scene.shapes if isinstance(shape.geometry, Sphere)]
+    assert centers == [[1, 1, 0], [1, 1, 0], [1, 0, 0]]
+    assert [s.geometry.reverse for s in scene.shapes if isinstance(s.geometry, Sphere)] == [True, False, False]
+    assert [s.material.reflectance[0] for s in scene.shapes] == [0.2, 0.2, 0.1]
+    assert isinstance(inner.emission, Emission)
+    assert inner.emission.radiance.tolist() == [1, 2, 3]
+    assert nested.emission is not None
+    assert outer.emission is None
+
+
+def test_area_light_holds_for_all_shapes_that_follow() -> None:
+    first, second, third = world(BALL + LIGHT + BALL + BALL).shapes
+    assert first.emission is None
+    assert second.emission is third.emission is not None
+
+
+def test_scale_and_sides_of_a_light() -> None:
+    body = 'AreaLightSource "diffuse" "rgb L" [ 1 2 3 ] "float scale" 2 "bool twosided" true ' + BALL
+    emission = world(body).shapes[0].emission
+    assert emission is not None
+    assert emission.radiance.tolist() == [2, 4, 6]
+    assert emission.two_sided
+    default = world('AreaLightSource "diffuse" ' + BALL).shapes[0].emission
+    assert default is not None
+    assert default.radiance.tolist() == [1, 1, 1]
+    assert not default.two_sided
+
+
+def test_named_materials_are_found_by_name_also_when_made_later() -> None:
+    make = 'MakeNamedMaterial "{}" "string type" "diffuse" "rgb reflectance" [ {} {} {} ]\n'
+    body = make.format("a", 0.1, 0.2, 0.3) + 'NamedMaterial "b" ' + BALL + 'NamedMaterial "a" ' + BALL
+    assert reflectances(body + make.format("b", 0.4, 0.5, 0.6)) == [[0.4, 0.5, 0.6], [0.1, 0.2, 0.3]]
+
+
+def test_a_parameter_may_stand_on_many_lines() -> None:
+    body = 'Material "diffuse"\n  "rgb reflectance" [\n .1 # red\n .2\n 3e-1 ]\n' + BALL
+    assert reflectances(body) == [[0.1, 0.2, 0.3]]
+
+
+def test_shapes_know_where_they_stand() -> None:
+    where = world("\n  " + TRIANGLE).shapes[0].where
+    assert str(where) == f"<text>:{HEAD.count(chr(10)) + 2}:3"
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "column", "words"),
+    [
+        ('  LightSource "distant" "rgb L" [ 1 1 1 ]', 1, 3, ('LightSource "distant"', "not supported yet")),
+        ('\nTexture "t" "float" "constant"', 2, 1, ("not supported yet", "Shape")),
+        ('Attribute "shape" "float radius" 1', 1, 1, ("not supported yet",)),
+        ("Shapes", 1, 1, ("unknown directive 'Shapes'", "Shape")),
+        ("worldend", 1, 1, ("unknown directive",)),
+        ("12", 1, 1, ("unknown directive '12'",)),
+        ('"loose"', 1, 1, ("loose",)),
+        ("]", 1, 1, ("]",)),
+        ("WorldBegin", 1, 1, ("twice",)),
+        ('Camera "perspective"', 1, 1, ("before WorldBegin",)),
+        ("AttributeEnd", 1, 1, ("without AttributeBegin",)),
+        ("AttributeBegin AttributeBegin AttributeEnd\n", 1, 1, ("without AttributeEnd",)),
+        ('Shape "cube"', 1, 1, ("'cube'", "trianglemesh, plymesh, bilinearmesh, sphere, disk")),
+        ("Shape", 1, 1, ("quoted string",)),
+        ("Shape sphere", 1, 7, ("quoted string",)),
+        ('Shape "sphere" "float radius"', 1, 16, ("a value",)),
+        ('Shape "sphere" "float radius" [ 1', 1, 31, ("closing ]",)),
+        ('Shape "sphere" "float radius" [ 1 [ 2 ] ]', 1, 35, ("[ inside",)),
+        ('Shape "sphere" "float radius" [ 1 2 ]', 1, 16, ("one value, not 2",)),
+        ('Shape "sphere" "float radius" [ ]', 1, 16, ("one value, not 0",)),
+        ('Shape "sphere" "float radius" "1"', 1, 31, ("not a number",)),
+        ('Shape "sphere" "double radius" 1', 1, 16, ("'double'", "float, integer")),
+        ('Shape "sphere" "radius" 1', 1, 16, ("type name",)),
+        ('Shape "sphere" "float radius x" 1', 1, 16, ("type name",)),
+        ('Shape "sphere" "integer radius" 1', 1, 16, ('"float radius"',)),
+        ('Shape "sphere" "float size" 1', 1, 16, ('"float size"', '"float radius"')),
+        ('Shape "sphere" "float radius" 1 "float radius" 2', 1, 33, ("twice",)),
+        ('Shape "sphere" "rgb color" [ 1 1 1 ]', 1, 16, ('"rgb color"', "supported parameters")),
+        ('Material "conductor"', 1, 1, ('"conductor"', '"diffuse"')),
+        ('Material "diffuse" "rgb reflectance" [ .5 .5 ]', 1, 20, ("three numbers, not 2",)),
+        ('Material "diffuse" "rgb reflectance" [ .5 -.5 .5 ]', 1, 43, ("negative",)),
+        ('Material "diffuse" "rgb reflectance" [ .5 1.5 .5 ]', 1, 20, ("at most 1",)),
+        ('Material "diffuse" "spectrum reflectance" "metal"', 1, 20, ('"rgb reflectance"',)),
+        ('Material "diffuse" "float roughness" .1', 1, 20, ("roughness", "reflectance")),
+        ('NamedMaterial "gone" Shape "sphere"', 1, 1, ("'gone'", "none")),
+        ('MakeNamedMaterial "m" "rgb reflectance" [ 1 1 1 ]', 1, 1, ("string type",)),
+        ('MakeNamedMaterial "m" "string type" "mix"', 1, 1, ('"mix"', '"diffuse"')),
+        ('AreaLightSource "spot"', 1, 1, ('"spot"', '"diffuse"')),
+        ('AreaLightSource "diffuse" "rgb L" [ 1 -2 1 ]', 1, 39, ("negative: -2",)),
+        ('AreaLightSource "diffuse" "float scale" -1', 1, 27, ("negative",)),
+        ('AreaLightSource "diffuse" "float power" 60', 1, 27, ("power",)),
+        ('AreaLightSource "diffuse" "rgb L" [ 1e30 0 0 ] "float scale" 10', 1, 27, ("1e30",)),
+        ('AreaLightSource "diffuse" "string filename" "a.exr"', 1, 27, ("filename", "rgb L")),
+        ('AreaLightSource "diffuse" "bool twosided" "true"', 1, 43, ("bool",)),
+        ('AreaLightSource "diffuse" "blackbody L" 3000', 1, 27, ('"rgb L"',)),
+        ('ColorSpace "rec2020"', 1, 1, ("srgb",)),
+    ],
+)
+def test_errors_in_the_world(body: str, line: int, column: int, words: tuple[str, ...]) -> None:
+    world_fails(body, line, column, *words)
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "words"),
+    [
+        ('Camera "orthographic"', 1, ('"perspective"',)),
+        ('Camera "perspective" "float fov" 180', 22, ("180",)),
+        ('Camera "perspective" "float fov" 0', 22, ("0",)),
+        ('Camera "perspective" "float lensradius" .1', 22, ("pinhole",)),
+        ('Camera "perspective" "float screenwindow" [ -1 1 -1 1 ]', 22, ("screenwindow", "fov")),
+        ('Film "gbuffer"', 1, ('"rgb"',)),
+        ('Film "rgb" "integer xresolution" 0', 12, ("xresolution", "0")),
+        ('Film "rgb" "integer yresolution" [ 100000 ]', 12, ("65535",)),
+        ('Film "rgb" "integer xresolution" 10.5', 34, ("whole number",)),
+        ('Film "rgb" "integer xresolution" 10.0', 34, ("whole number",)),  # pbrt reads no decimals there
+        ('Film "rgb" "integer xresolution" 99999999999', 34, ("whole number",)),
+        ('Film "rgb" "string sensor" "canon_eos_5d"', 12, ("sensor", '"cie1931"')),
+        ('Film "rgb" "float iso" 200', 12, ("iso", "100")),
+        ('Film "rgb" "float exposuretime" 2', 12, ("exposuretime",)),
+        ('Film "rgb" "float maxcomponentvalue" 10', 12, ("maxcomponentvalue",)),
+        ('PixelFilter "gaussian"', 1, ('"box"',)),
+        ('PixelFilter "box" "float xradius" 1', 19, ("0.5",)),
+        ('Sampler "halton"', 1, ('"independent"', '"sobol"')),
+        ('Sampler "independent" "integer pixelsamples" 0', 23, ("at least 1",)),
+        ('Sampler "sobol" "string randomization" "none"', 17, ("owen",)),
+        ('Sampler "independent" "string randomization" "owen"', 23, ("randomization",)),
+        ('Sampler "independent" "integer seed" -1', 23, ("negative",)),
+        ('Integrator "volpath" "integer maxdepth" 1', 1, ('"path"',)),
+        ('Integrator "path" "integer maxdepth" 5', 19, ("maxdepth is 5",)),
+        ('Integrator "path"', 1, ("maxdepth is 5 (pbrt's default)",)),
+        ("AttributeBegin", 1, ("after WorldBegin",)),
+        ('Shape "sphere"', 1, ("after WorldBegin",)),
+        ("ReverseOrientation", 1, ("after WorldBegin",)),
+        ('NamedMaterial "m"', 1, ("after WorldBegin",)),
+    ],
+)
+def test_errors_before_the_world(line: str, column: int, words: tuple[str, ...]) -> None:
+    fails(f"\n{line}\n", 2, column, *words)
+
+
+def test_an_option_given_twice_is_refused() -> None:
+    fails('Film "rgb"\n' + HEAD, 4, 1, "Film is given twice")
+
+
+def test_what_is_missing_is_named_at_the_end_of_the_file() -> None:
+    fails("", 1, 1, "WorldBegin")
+    fails('Camera "perspective"\n', 2, 1, "WorldBegin")
+    fails("\nWorldBegin", 2, 11, "Camera")
+
+
+def test_nesting_is_bounded() -> None:
+    deep = "AttributeBegin\n" * NESTING_LIMIT
+    assert world(deep + "AttributeEnd\n" * NESTING_LIMIT).shapes == ()
+    world_fails(deep + "AttributeBegin", NESTING_LIMIT + 1, 1, str(NESTING_LIMIT))
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_includes_are_relative_to_the_file_that_includes(tmp_path: Path) -> None:
+    main = write(tmp_path, "main.pbrt", HEAD + 'Include "parts/a.pbrt"\n' + BALL)
+    write(tmp_path, "parts/a.pbrt", 'Translate 1 0 0\nInclude "b.pbrt"')
+    write(tmp_path, "parts/b.pbrt", "Translate 0 2 0\nInclude 'x'".replace("'x'", '"c.pbrt"'))
+    write(tmp_path, "c.pbrt", "Translate 0 0 3")  # beside the main file, where pbrt looks
+    geometry = parse_file(main).shapes[0].geometry
+    assert isinstance(geometry, Sphere)
+    assert geometry.center.tolist() == [1, 2, 3]
+
+
+def test_errors_in_an_included_file_name_that_file(tmp_path: Path) -> None:
+    main = write(tmp_path, "main.pbrt", HEAD + 'Include "part.pbrt"')
+    part = write(tmp_path, "part.pbrt", '\n Shape "cube"')
+    with pytest.raises(SceneError) as caught:
+        parse_file(main)
+    assert str(caught.value).startswith(f"{part}:2:2: ")
+
+
+def test_a_template_reaches_into_what_it_includes(tmp_path: Path) -> None:
+    main = write(tmp_path, "main.pbrt", f'#$ r 2 "units"\n{HEAD}Include "part.pbrt"')
+    write(tmp_path, "part.pbrt", 'Shape "sphere" "float radius" $r')
+    geometry = parse_file(main, {"r": 3}).shapes[0].geometry
+    assert isinstance(geometry, Sphere)
+    assert geometry.radius == 3.0
+
+
+def test_cycles_depth_and_number_of_includes_are_bounded(tmp_path: Path) -> None:
+    loop = write(tmp_path, "loop.pbrt", HEAD + 'Include "other.pbrt"')
+    write(tmp_path, "other.pbrt", '\nInclude "loop.pbrt"')
+    with pytest.raises(SceneError, match=r"other.pbrt:2:1: .*includes itself"):
+        parse_file(loop)
+    for i in range(INCLUDE_DEPTH + 1):
+        write(tmp_path, f"deep{i}.pbrt", f'Include "deep{i + 1}.pbrt"')
+    with pytest.raises(SceneError, match=f"at most {INCLUDE_DEPTH}"):
+        parse_file(write(tmp_path, "deep.pbrt", HEAD + 'Include "deep0.pbrt"'))
+    write(tmp_path, "wide12.pbrt", "")
+    for i in range(12):  # 2^12 files, if each were read
+        write(tmp_path, f"wide{i}.pbrt", f'Include "wide{i + 1}.pbrt"\n' * 2)
+    with pytest.raises(SceneError, match=f"{INCLUDE_COUNT} in all"):
+        parse_file(write(tmp_path, "wide.pbrt", HEAD + 'Include "wide0.pbrt"'))
+
+
+@pytest.mark.parametrize("name", ["gone.pbrt", ".", "a\\\\b", "x" * 5000, "nul\\\\0"])
+def test_an_include_that_cannot_be_read_is_refused_where_it_stands(tmp_path: Path, name: str) -> None:
+    main = write(tmp_path, "main.pbrt", HEAD + f'Include "{name}"')
+    with pytest.raises(SceneError) as caught:
+        parse_file(main)
+    assert caught.value.location is not None
+    assert caught.value.location.line == HEAD.count("\n") + 1
+
+
+def test_a_missing_file_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="No such file"):
+        parse_file(tmp_path / "gone.pbrt")
