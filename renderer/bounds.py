@@ -1,0 +1,56 @@
+"""How far a shape reaches in a direction, and the plane it lies in, if any: what the plan's proofs are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.arrays import Floats
+from scenes.description import Disk, ShapeDescription, Sphere
+
+# Vertices given as decimal text lie in a common plane to some 1e-16 of their coordinates.
+FLAT = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeBounds:
+    """points: (m, 3), whose hull with the balls or disk of `radius` about them holds the shape. normal: (3,) if planar."""
+
+    points: Floats
+    radius: float = 0.0
+    disk: Floats | None = None
+    normal: Floats | None = None
+
+    def extent(self, directions: Floats) -> tuple[Floats, Floats]:
+        """Least and greatest of n . x over the shape, for unit directions (q, 3). Two (q,) arrays, exact but for rounding."""
+        along = np.einsum("qc,mc->qm", directions, self.points)
+        pad = np.full(len(directions), self.radius)
+        if self.disk is not None:
+            cosine = np.einsum("qc,c->q", directions, self.disk)
+            pad *= np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+        return along.min(axis=1) - pad, along.max(axis=1) + pad
+
+
+def shape_bounds(shape: ShapeDescription) -> ShapeBounds:
+    """Bounds of any shape; meshes count by the vertices that their faces use."""
+    g = shape.geometry
+    if isinstance(g, Sphere):
+        return ShapeBounds(g.center[None], g.radius)
+    if isinstance(g, Disk):
+        return ShapeBounds(g.center[None], g.radius, disk=g.normal, normal=g.normal)
+    used = g.vertices[np.unique(g.faces)]
+    return ShapeBounds(used, normal=_plane(g.vertices[g.faces[:, :3]], used, -1.0 if g.reverse else 1.0))
+
+
+def _plane(corners: Floats, points: Floats, turn: float) -> Floats | None:
+    """The unit normal of points that share a plane, on the side of the largest face's normal, or None. corners: (t, 3, 3)."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normals, axis=1)
+    largest = int(area.argmax())
+    if area[largest] == 0:
+        return None
+    n = normals[largest] / area[largest]
+    along = np.einsum("mc,c->m", points - points[0], n)
+    size = np.abs(points).max()
+    return n * turn if np.abs(along).max() <= FLAT * size else None

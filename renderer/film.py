@@ -1,0 +1,92 @@
+"""The film: count, mean, M2 and maximum of each pixel, mergeable, the same bits however the work is cut.
+
+Samples of a pixel are reduced in fixed blocks of 16 in sample order, and the blocks merged in order with the
+pairwise update of [chan1983, eq. 2.1]; a pixel's numbers then depend on its own samples and on nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.arrays import Floats
+
+BLOCK = 16
+TAIL = 4096
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB [iec61966]
+
+
+def luminance(rgb: Floats) -> Floats:
+    """Luminance of linear sRGB. rgb: (3, ...). Returns (...)."""
+    return LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Statistics per pixel and channel of the samples so far.
+
+    count: (h, w) int64. mean, m2: (h, w, 3), m2 the sum of squared deviations from the mean.
+    maximum: (h, w, 3), the largest reflected sample; light seen directly is not in it.
+    """
+
+    count: NDArray[np.int64]
+    mean: Floats
+    m2: Floats
+    maximum: Floats
+
+    def variance_of_mean(self) -> Floats:
+        """(h, w, 3) variance of the mean, if samples are independent; NaN below two samples.
+
+        Low-discrepancy samples are not independent: for them this is far too large, and replicates must be used.
+        """
+        n = self.count[..., None].astype(np.float64)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(n > 1, self.m2 / (n * (n - 1)), np.nan)
+
+
+class PixelSums:
+    """Running statistics of some whole pixels, fed a block of samples at a time.
+
+    mean, m2, maximum: (3, p) as in `Film`. reflected: (p,) sum of the luminances of reflected samples.
+    """
+
+    def __init__(self, pixels: int) -> None:
+        self.count = 0
+        self.mean = np.zeros((3, pixels))
+        self.m2 = np.zeros((3, pixels))
+        self.maximum = np.zeros((3, pixels))
+        self.reflected = np.zeros(pixels)
+
+    def add(self, radiance: Floats, reflected: Floats) -> None:
+        """Merge one block. radiance, reflected: (3, b, p), sample-major, b at most BLOCK."""
+        self.reflected += _sum_samples(luminance(reflected)[None])[0]
+        b = radiance.shape[1]
+        total = _sum_samples(radiance)
+        mean = total / b
+        deviation = radiance - mean[:, None, :]
+        deviation *= deviation
+        m2 = _sum_samples(deviation)
+        np.maximum(self.maximum, reflected.max(axis=1), out=self.maximum)
+        n = self.count + b
+        delta = mean - self.mean
+        self.m2 += m2
+        self.m2 += delta * delta * (self.count * b / n)
+        self.mean += delta * (b / n)
+        self.count = n
+
+
+def _sum_samples(block: Floats) -> Floats:
+    """Sum over samples in their order, one ufunc a sample: never `sum`, whose order depends on strides and shape."""
+    out = block[:, 0].copy()
+    for sample in range(1, block.shape[1]):
+        out += block[:, sample]
+    return out
+
+
+def keep_largest(values: Floats, keep: int = TAIL) -> Floats:
+    """The `keep` largest of values (n,), descending; a set that does not depend on how values were cut."""
+    if values.size > keep:
+        values = np.partition(values, values.size - keep)[values.size - keep :]
+    return np.sort(values)[::-1]

@@ -1,0 +1,1 @@
+"""Lights: one file a kind, each with its sampling techniques side by side."""

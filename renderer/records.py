@@ -1,0 +1,62 @@
+"""What the stages of the wavefront hand to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.arrays import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceHit:
+    """Points on surfaces, seen from outside along wo.
+
+    p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the surface.
+    shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
+    triangle, quadric: (n,) int64, the primitive that the point lies on, -1 for none.
+    """
+
+    p: Floats
+    n: Floats
+    wo: Floats
+    shape: NDArray[np.int64]
+    triangle: NDArray[np.int64]
+    quadric: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class LightSample:
+    """Directions to light. wi: (3, n) unit. dist: (n,). radiance: (3, n) or (3, 1), Le towards the reference point.
+
+    pdf: (n,) 1/sr. valid: (n,) bool; where it is False the other fields are meaningless and the sample counts as zero.
+    """
+
+    wi: Floats
+    dist: Floats
+    radiance: Floats
+    pdf: Floats
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class RayCounts:
+    """Rays traced in all: what the plan leaves out is not among them."""
+
+    primary: int = 0
+    shadow: int = 0
+
+    def __add__(self, other: RayCounts) -> RayCounts:
+        return RayCounts(self.primary + other.primary, self.shadow + other.shadow)
+
+
+@dataclass(frozen=True)
+class Seconds:
+    """Wall-clock seconds of the parts of a render; `cpu` is the processor time of the passes alone."""
+
+    build: float
+    plan: float
+    render: float
+    cpu: float

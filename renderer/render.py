@@ -1,0 +1,240 @@
+"""Plan and passes: camera -> hit -> emission -> light sample -> shadow -> shade -> film, in chunks of whole pixels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.arrays import Floats, dot
+from renderer.build import RenderScene, build
+from renderer.estimators.protocol import ESTIMATORS, Estimator
+from renderer.film import BLOCK, TAIL, Film, PixelSums, keep_largest, luminance
+from renderer.plan import RenderPlan, make_plan
+from renderer.records import RayCounts, Seconds, SurfaceHit
+from renderer.samplers.protocol import SAMPLERS, Sampler
+from scenes.description import SceneDescription
+from scenes.errors import PenumbraError
+
+ROWS = 2**14  # rows of a wavefront: their arrays stay in cache
+
+
+@dataclass(frozen=True, eq=False)
+class RenderResult:
+    """An image and what its samples say of it.
+
+    image: (h, w, 3) linear radiance. variance: (h, w, 3) of the mean, as independent samples would have it; NaN at 1 spp.
+    tail: the largest luminances among reflected samples, descending, at most 4096. reflected: how many samples of
+    reflected light were drawn; reflected_sum: the sum of their luminances. nonfinite: samples that are NaN or infinite.
+    """
+
+    image: Floats
+    variance: Floats
+    film: Film
+    tail: Floats
+    reflected: int
+    reflected_sum: float
+    nonfinite: int
+    rays: RayCounts
+    seconds: Seconds
+    plan: RenderPlan
+
+
+@dataclass(frozen=True, eq=False)
+class _Pass:
+    """What every chunk needs."""
+
+    scene: RenderScene
+    plan: RenderPlan
+    estimator: Estimator
+    sampler: Sampler
+    spp: int
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Chunk:
+    """Some whole pixels, done."""
+
+    pixel: NDArray[np.int64]
+    sums: PixelSums
+    tail: Floats
+    reflected: int
+    nonfinite: int
+    rays: RayCounts
+
+
+def render(
+    scene: SceneDescription | RenderScene,
+    *,
+    estimator: str = "area",
+    sampler: str = "independent",
+    spp: int = 16,
+    seed: int = 0,
+    prune: bool = True,
+    keep: frozenset[str] = frozenset(),
+    threads: int = 1,
+    rows: int = ROWS,
+    progress: Callable[[float], None] | None = None,
+) -> RenderResult:
+    """Render the direct light of a scene.
+
+    estimator, sampler: names from their registries. spp: samples a pixel. keep: prunings not to make, see `plan.py`.
+    threads, rows: how the work is cut, without effect on a single bit of the image. progress: called with the share done.
+    Raises PenumbraError for unknown names, spp < 1, a seed below 0, and where the estimator does not apply to the scene.
+    """
+    built = scene if isinstance(scene, RenderScene) else build(scene)
+    chosen = ESTIMATORS[estimator]
+    _check(built, chosen, spp, seed)
+    plan = make_plan(built, prune, keep)
+    work = _Pass(built, plan, chosen, SAMPLERS[sampler], spp, seed)
+    start, cpu = time.perf_counter(), time.process_time()
+    chunks = _run(work, threads, rows, progress)
+    film, total = _film(built, chunks)
+    elapsed, cpu = time.perf_counter() - start, time.process_time() - cpu
+    return RenderResult(
+        image=film.mean,
+        variance=film.variance_of_mean(),
+        film=film,
+        tail=keep_largest(np.concatenate([c.tail for c in chunks])),
+        reflected=sum(c.reflected for c in chunks),
+        reflected_sum=total,
+        nonfinite=sum(c.nonfinite for c in chunks),
+        rays=sum((c.rays for c in chunks), RayCounts()),
+        seconds=Seconds(built.seconds_build, plan.seconds, elapsed, cpu),
+        plan=plan,
+    )
+
+
+def _check(built: RenderScene, estimator: Estimator, spp: int, seed: int) -> None:
+    if spp < 1:
+        raise PenumbraError(f"spp is {spp}: at least 1 sample a pixel is needed")
+    if seed < 0:
+        raise PenumbraError(f"seed is {seed}: seeds are 0 or more")
+    if why := estimator.refuses(built.description):
+        raise PenumbraError(f"estimator {estimator.name!r} does not apply to scene {built.description.name!r}: {why}")
+
+
+def _run(work: _Pass, threads: int, rows: int, progress: Callable[[float], None] | None) -> list[_Chunk]:
+    """All chunks, in the order of their pixels."""
+    camera = work.scene.camera
+    pixels = camera.width * camera.height
+    step = max(1, rows // min(work.spp, BLOCK))
+    parts = [np.arange(first, min(first + step, pixels)) for first in range(0, pixels, step)]
+    chunks: list[_Chunk] = []
+    with ThreadPoolExecutor(threads) as pool:
+        one = partial(_chunk, work)
+        for chunk in pool.map(one, parts) if threads > 1 else map(one, parts):
+            chunks.append(chunk)
+            if progress:
+                progress(len(chunks) / len(parts))
+    return chunks
+
+
+def _chunk(work: _Pass, pixels: NDArray[np.int64]) -> _Chunk:
+    """All samples of some pixels, a block of samples at a time."""
+    sums = PixelSums(pixels.size)
+    tail = np.zeros(0)
+    reflected, nonfinite, rays = 0, 0, RayCounts()
+    for first in range(0, work.spp, BLOCK):
+        samples = np.arange(first, min(first + BLOCK, work.spp))
+        pixel, sample = np.tile(pixels, samples.size), np.repeat(samples, pixels.size)
+        direct, bounced, count, traced = _samples(work, pixel, sample)
+        total = direct + bounced
+        nonfinite += int(total.size / 3 - np.isfinite(total).all(axis=0).sum())
+        brightness = luminance(bounced)
+        floor = tail[-1] if tail.size == TAIL else 0.0
+        tail = keep_largest(np.concatenate([tail, brightness[brightness > floor]]))
+        shape = (3, samples.size, pixels.size)
+        sums.add(total.reshape(shape), bounced.reshape(shape))
+        reflected += count
+        rays += traced
+    return _Chunk(pixels, sums, tail, reflected, nonfinite, rays)
+
+
+def _samples(work: _Pass, pixel: NDArray[np.int64], sample: NDArray[np.int64]) -> tuple[Floats, Floats, int, RayCounts]:
+    """One sample a row: emission seen (3, n), reflected light (3, n), the number of points shaded, the rays traced."""
+    scene, plan = work.scene, work.plan
+    d = scene.camera.rays(pixel, work.sampler.uniform(work.seed, pixel, sample, 0, 2))
+    hit, direct, rows = _first_hits(scene, plan, d)
+    bounced = np.zeros_like(d)
+    if not rows.size:
+        return direct, bounced, 0, RayCounts(d.shape[1])
+    count = work.estimator.dimensions(scene)
+    u = work.sampler.uniform(work.seed, pixel[rows], sample[rows], 2, count)
+    light = work.estimator.estimate(scene, plan, hit, u)
+    bounced[:, rows] = light.radiance
+    return direct, bounced, rows.size, RayCounts(d.shape[1], light.shadow_rays)
+
+
+def _first_hits(scene: RenderScene, plan: RenderPlan, d: Floats) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
+    """What camera rays d (3, n) meet: the points to shade, the emission seen (3, n), and the rows (m,) of those points."""
+    o = scene.camera.origin
+    t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), None)
+    near, quadric = scene.quadrics.closest(plan.in_view, o, d)
+    curved = near < t
+    t = np.where(curved, near, t)
+    quadric = np.where(curved, quadric, -1)
+    shape = (
+        np.full(d.shape[1], -1)
+        if triangle is None or scene.triangles is None
+        else np.where(triangle >= 0, scene.triangles.shape[np.maximum(triangle, 0)], -1)
+    )
+    if curved.any():
+        shape = np.where(curved, scene.quadrics.shape[np.maximum(quadric, 0)], shape)
+    direct = _emission(scene, d, t, shape, quadric) if plan.emits else np.zeros_like(d)
+    rows = np.flatnonzero((shape >= 0) & plan.receivers[np.maximum(shape, 0)])
+    triangle = np.full(rows.size, -1) if triangle is None else np.where(curved, -1, triangle)[rows]
+    return _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle, quadric[rows]), direct, rows
+
+
+def _emission(scene: RenderScene, d: Floats, t: Floats, shape: NDArray[np.int64], quadric: NDArray[np.int64]) -> Floats:
+    """(3, n) radiance of lights that rays d (3, n) see from their emitting side."""
+    out = np.zeros_like(d)
+    rows = np.flatnonzero((quadric >= 0) & np.isin(shape, scene.light_shape))
+    if rows.size:
+        mine, own = d.take(rows, axis=1), shape[rows]
+        _, normal = scene.quadrics.surface(quadric[rows], scene.camera.origin + mine * t[rows])
+        front = (dot(mine, normal) < 0) | scene.two_sided[own]
+        out[:, rows] = np.where(front, scene.emission.take(own, axis=1), 0.0)
+    return out
+
+
+def _surface(
+    scene: RenderScene,
+    d: Floats,
+    t: Floats,
+    shape: NDArray[np.int64],
+    triangle: NDArray[np.int64],
+    quadric: NDArray[np.int64],
+) -> SurfaceHit:
+    """Points and normals of hits; normals on the side that the ray comes from."""
+    p = scene.camera.origin + d * t
+    n = np.zeros_like(p)
+    if scene.triangles is not None:
+        n = scene.triangles.normal.take(np.maximum(triangle, 0), axis=1)
+    curved = np.flatnonzero(quadric >= 0)
+    if curved.size:
+        p[:, curved], n[:, curved] = scene.quadrics.surface(quadric[curved], p.take(curved, axis=1))
+    n = np.where(dot(n, d) > 0, -n, n)
+    return SurfaceHit(p, n, -d, shape, triangle, quadric)
+
+
+def _film(scene: RenderScene, chunks: list[_Chunk]) -> tuple[Film, float]:
+    """The film of all chunks, and the sum of reflected luminance, added up in the order of pixels."""
+    h, w = scene.camera.height, scene.camera.width
+
+    def image(parts: list[Floats]) -> Floats:
+        return np.ascontiguousarray(np.concatenate(parts, axis=1).T.reshape(h, w, 3))
+
+    count = np.full((h, w), chunks[0].sums.count)
+    sums = [c.sums for c in chunks]
+    total = float(np.concatenate([s.reflected for s in sums]).sum())
+    return Film(
+        count, image([s.mean for s in sums]), image([s.m2 for s in sums]), image([s.maximum for s in sums])
+    ), total

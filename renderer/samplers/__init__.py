@@ -1,0 +1,1 @@
+"""Samplers: stateless functions of (seed, pixel, sample, dimension), one file each."""
