@@ -1,0 +1,93 @@
+"""What a command says: figures on stdout, as a table or as JSON; progress and notes on stderr."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
+from typing import Any, cast
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from pipeline.progress import Update
+
+PIPE_WIDTH = 160  # columns where nobody's terminal says how many: long enough for a reason in words
+
+
+class Speaker:
+    """The two streams of one command. Rich leaves colours out where NO_COLOR is set or the stream is no terminal."""
+
+    def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
+        self.as_json = as_json
+        self.quiet = quiet
+        self._out = _console(sys.stdout)
+        self._err = _console(sys.stderr)
+
+    @contextmanager
+    def step(self, title: str, total: float) -> Generator[Update]:
+        """A progress bar on stderr, see `Listener.step`."""
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        bar = Progress(*columns, console=self._err, disable=self.quiet)
+        task = bar.add_task(escape(title), total=total)
+
+        def update(done: float) -> None:
+            if not bar.live.is_started:  # not before there is progress: an early error stands alone
+                bar.start()
+            bar.update(task, completed=done)
+
+        try:
+            yield update
+        except BaseException:
+            bar.update(task, visible=False)  # what there is to say is the error
+            raise
+        finally:
+            bar.stop()
+
+    def note(self, text: str) -> None:
+        """One line on stderr."""
+        if not self.quiet:
+            self._err.print(escape(text), highlight=False, soft_wrap=True)
+
+    def line(self, text: str) -> None:
+        """One line on stdout, for people: with --json there is none."""
+        if not self.as_json:
+            self._out.print(escape(text), highlight=False, soft_wrap=True)
+
+    def table(self, headings: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
+        """A table on stdout, for people: with --json there is none."""
+        if self.as_json:
+            return
+        table = Table(*headings, title=escape(title) or None, title_justify="left")
+        for row in rows:
+            table.add_row(*(escape(cell) for cell in row))
+        self._out.print(table)
+
+    def json(self, data: Any) -> None:
+        """The whole answer on stdout, with --json only; NaN and infinities, which JSON lacks, as strings."""
+        if self.as_json:
+            sys.stdout.write(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+
+
+def _console(stream: Any) -> Console:
+    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    if isinstance(value, dict):
+        return {str(name): _plain(item) for name, item in cast("dict[Any, Any]", value).items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in cast("Sequence[Any]", value)]
+    return value

@@ -1,0 +1,46 @@
+"""`penumbra doctor`: what works on this machine, each found out by trying it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import typer
+
+from pipeline.commands.options import AsJson, Quiet
+
+
+def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
+    """Try Mitsuba's variants with their LLVM, Embree, images, EGL and a browser, and say what to do about each failure.
+
+    Exits with 1 if a part fails that a run needs; EGL and a browser serve tests and viewers only.
+
+    Examples:
+
+      penumbra doctor
+
+      penumbra doctor --json
+    """
+    from pipeline.commands.console import Speaker
+    from pipeline.doctor import CHECKS, Part, verdict
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    with speaker.step("checks", len(CHECKS)) as update:
+        found: list[Part] = []
+        for number, check in enumerate(CHECKS, start=1):
+            found += check()
+            update(number)
+    rows = [
+        (
+            item.name,
+            "works" if item.works else "fails",
+            item.detail if item.works else f"{item.detail}\n-> {item.remedy}",
+        )
+        for item in found
+    ]
+    speaker.table(("part", "here", "detail"), rows)
+    missing = verdict(found)
+    speaker.json({"parts": [asdict(item) for item in found], "missing": missing})
+    for what in missing:
+        speaker.note(f"needed for a run and not working: {what}")
+    if missing:
+        raise typer.Exit(1)

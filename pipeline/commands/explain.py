@@ -1,0 +1,100 @@
+"""`penumbra explain`: what the renderer simulates for a scene, what it leaves out, why, and what that saves."""
+
+from __future__ import annotations
+
+import statistics
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions
+
+if TYPE_CHECKING:
+    from pipeline.commands.console import Speaker
+    from renderer import RenderScene
+
+ROUNDS = 5  # interleaved; the median of five is untouched by two disturbances
+ALL = "all of it"
+
+
+def explain(
+    scene: SceneName,
+    define: Define = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Render with and without each pruning and compare.")
+    ] = False,
+    estimator: Annotated[str, typer.Option(help="What to measure with.")] = "area",
+    spp: Annotated[int, typer.Option(help="Samples a pixel to measure with.")] = 4,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Show each effect, whether this scene calls for it, and why; measured: the CPU time with and without the pruning.
+
+    What is left out is provably nothing: --measure also checks that the image is the same bit for bit, else exits with 1.
+
+    Examples:
+
+      penumbra explain soft-shadow
+
+      penumbra explain touching-light --measure --spp 64
+    """
+    from pipeline.commands.console import Speaker
+    from renderer import build
+    from renderer.plan import make_plan
+    from scenes import load
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    built = build(load(scene, definitions(define)))
+    decisions = make_plan(built).decisions
+    idle = list(dict.fromkeys(d.pruning for d in decisions if not d.needed))
+    found = _measure(built, idle, estimator, spp, speaker) if measure else {}
+    rows = [(d.effect, "simulated" if d.needed else "left out", d.reason) for d in decisions]
+    if measure:
+        rows = [(*row, *_times(found, d.pruning, d.needed)) for row, d in zip(rows, decisions, strict=True)]
+        rows.append((ALL, "", "every pruning against none", *_times(found, ALL, needed=False)))
+    columns = ("CPU ms, left out", "CPU ms, simulated", "same image") if measure else ()
+    speaker.table(("effect", "decision", "reason", *columns), rows)
+    effects: list[dict[str, Any]] = [
+        {"effect": d.effect, "needed": d.needed, "reason": d.reason, "pruning": d.pruning} for d in decisions
+    ]
+    speaker.json({"scene": scene, "effects": effects, "measured": found})
+    if any(not item["same_image"] for item in found.values()):
+        raise typer.Exit(1)
+
+
+def _measure(
+    built: RenderScene, prunings: list[str], estimator: str, spp: int, speaker: Speaker
+) -> dict[str, dict[str, Any]]:
+    """Median CPU seconds of the passes with every pruning, and with one of them (or all) not made; rounds are interleaved."""
+    import numpy as np
+
+    from renderer import render
+    from renderer.plan import PRUNINGS
+
+    variants = {"": frozenset[str](), **{name: frozenset({name}) for name in prunings}, ALL: frozenset(PRUNINGS)}
+    seconds: dict[str, list[float]] = {name: [] for name in variants}
+    images: dict[str, Any] = {}
+    with speaker.step("measure", (ROUNDS + 1) * len(variants)) as update:
+        for turn in range(ROUNDS + 1):  # the first round warms up
+            for number, (name, keep) in enumerate(variants.items(), start=1):
+                result = render(built, estimator=estimator, spp=spp, keep=keep)
+                images[name] = result.image
+                seconds[name] += [result.seconds.cpu] if turn else []
+                update(turn * len(variants) + number)
+    with_all = statistics.median(seconds.pop(""))
+    return {
+        name: {
+            "cpu_seconds_left_out": with_all,
+            "cpu_seconds_simulated": statistics.median(times),
+            "same_image": bool(np.array_equal(images[""], images[name], equal_nan=True)),
+        }
+        for name, times in seconds.items()
+    }
+
+
+def _times(found: dict[str, dict[str, Any]], name: str, needed: bool) -> tuple[str, str, str]:
+    if needed or name not in found:
+        return "", "", ""
+    item = found[name]
+    same = "yes, bit for bit" if item["same_image"] else "NO"
+    return f"{1e3 * item['cpu_seconds_left_out']:.1f}", f"{1e3 * item['cpu_seconds_simulated']:.1f}", same

@@ -1,0 +1,100 @@
+"""`penumbra list`: everything that has a name."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.commands.options import AsJson
+
+Row = dict[str, Any]
+KINDS = ("scenes", "estimators", "samplers", "metrics", "backends", "sweeps")
+
+
+def list_names(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help=f"One of: {', '.join(KINDS)}.")],
+    as_json: AsJson = False,
+) -> None:
+    """List scenes, estimators, samplers, metrics, reference backends or sweeps.
+
+    Examples:
+
+      penumbra list scenes
+
+      penumbra list sweeps --json
+    """
+    from pipeline.commands.console import Speaker
+
+    speaker = Speaker(as_json=as_json)
+    rows = _rows(kind)
+    speaker.json(rows)
+    if kind == "scenes":
+        cells = [(row["name"], row["title"], "\n".join(_parameter(p) for p in row["parameters"])) for row in rows]
+        speaker.table(("scene", "what it is", "parameters: -D name=value"), cells)
+    else:
+        headings = list(rows[0])
+        speaker.table(headings, [[str(row[name]) for name in headings] for row in rows])
+
+
+def _rows(kind: str) -> list[Row]:
+    from scenes.errors import PenumbraError
+
+    if kind not in KINDS:
+        raise PenumbraError(f"cannot list {kind!r}; allowed: {', '.join(KINDS)}")
+    functions = (_scenes, _estimators, _samplers, _metrics, _backends, _sweeps)
+    return dict(zip(KINDS, functions, strict=True))[kind]()
+
+
+def _parameter(parameter: Row) -> str:
+    return f"{parameter['name']} = {parameter['default']:g}  {parameter['meaning']}"
+
+
+def _scenes() -> list[Row]:
+    from scenes import library
+
+    return [
+        {
+            "name": scene.name,
+            "title": scene.title,
+            "parameters": [{"name": p.name, "default": p.default, "meaning": p.meaning} for p in scene.parameters],
+        }
+        for scene in library()
+    ]
+
+
+def _estimators() -> list[Row]:
+    from renderer.estimators.protocol import ESTIMATORS
+
+    return [{"name": name, "title": entry.title} for name, entry in ESTIMATORS.items()]
+
+
+def _samplers() -> list[Row]:
+    from renderer.samplers.protocol import SAMPLERS
+
+    return [{"name": name, "title": entry.title} for name, entry in SAMPLERS.items()]
+
+
+def _metrics() -> list[Row]:
+    from pipeline.metrics.protocol import METRICS
+
+    return [
+        {"name": name, "title": metric.title, "unit": metric.unit, "better": metric.better}
+        for name, metric in METRICS.items()
+    ]
+
+
+def _backends() -> list[Row]:
+    from pipeline.references.protocol import BACKENDS
+
+    return [{"name": name, "title": type(entry).__doc__ or ""} for name, entry in BACKENDS.items()]
+
+
+def _sweeps() -> list[Row]:
+    from pipeline.sweep import builtin_sweeps, load_sweep
+
+    loaded = [(name, load_sweep(name)) for name in builtin_sweeps()]
+    return [
+        {"name": name, "title": sweep.title, "studies": ", ".join(s.name for s in sweep.study)}
+        for name, sweep in loaded
+    ]

@@ -1,0 +1,53 @@
+"""Options and arguments that commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SceneName = Annotated[
+    str,
+    typer.Argument(metavar="SCENE", help="A library name (see `penumbra list scenes`) or the path of a .pbrt file."),
+]
+Define = Annotated[
+    list[str] | None,
+    typer.Option("-D", "--define", metavar="NAME=VALUE", help="Set a parameter of the scene; may be repeated."),
+]
+Output = Annotated[
+    Path, typer.Option("-o", "--output", metavar="FILE", help="Where to write: .exr, or .png to look at.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr.")]
+
+
+def definitions(pairs: Sequence[str] | None) -> dict[str, float]:
+    """The values of `-D name=value`; PenumbraError naming the one that is wrong."""
+    from scenes.errors import PenumbraError
+
+    values: dict[str, float] = {}
+    for pair in pairs or ():
+        name, equals, text = pair.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = None
+        if not name or not equals or value is None:
+            raise PenumbraError(f"-D {pair}: write it as name=number, for example -D gap=0.001")
+        if name in values:
+            raise PenumbraError(f"-D {pair}: {name} is set twice")
+        values[name] = value
+    return values
+
+
+def image_target(path: Path) -> Path:
+    """`path`, if an image can be written there; PenumbraError if its name or its folder does not allow it."""
+    from scenes.errors import PenumbraError
+
+    if path.suffix not in (".exr", ".png"):
+        raise PenumbraError(f"{path}: cannot tell the format; allowed: .exr, .png")
+    if not path.parent.is_dir():
+        raise PenumbraError(f"{path}: there is no folder {path.parent}")
+    return path

@@ -1,0 +1,114 @@
+"""`penumbra render`: one image by our renderer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, definitions, image_target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.commands.console import Speaker
+    from pipeline.record import Job
+    from renderer import RenderResult
+
+
+def render(
+    scene: SceneName,
+    output: Output,
+    estimator: Annotated[str, typer.Option(help="See `penumbra list estimators`.")] = "area",
+    sampler: Annotated[str | None, typer.Option(help="See `penumbra list samplers`; the scene's if not given.")] = None,
+    spp: Annotated[int | None, typer.Option(help="Samples a pixel; the scene's if not given.")] = None,
+    seed: Annotated[int | None, typer.Option(help="0 or more; the scene's if not given.")] = None,
+    define: Define = None,
+    threads: Annotated[int, typer.Option(help="Threads; the image is the same for any number.")] = 1,
+    prune: Annotated[bool, typer.Option(help="Leave out what the scene does not call for (see `explain`).")] = True,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Render a scene's direct light to an EXR (mean, variance of the mean, count) or a PNG.
+
+    Examples:
+
+      penumbra render soft-shadow -o soft.exr --estimator solid-angle --spp 64
+
+      penumbra render touching-light -o gap.png -D gap=0.001 --sampler sobol --json
+    """
+    from pipeline.commands.console import Speaker
+    from pipeline.record import Job
+    from renderer import render as render_scene
+    from scenes import load
+    from scenes.errors import PenumbraError
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    target, parameters = image_target(output), definitions(define)
+    description = load(scene, parameters)
+    given = description.defaults
+    sampler = given.sampler if sampler is None else sampler
+    spp, seed = given.spp if spp is None else spp, given.seed if seed is None else seed
+    if threads < 1:
+        raise PenumbraError(f"threads is {threads}: give at least 1")
+    with speaker.step(f"render {scene}", 1) as update:
+        result = render_scene(
+            description,
+            estimator=estimator,
+            sampler=sampler,
+            spp=spp,
+            seed=seed,
+            prune=prune,
+            threads=threads,
+            progress=update,
+        )
+    job = Job(scene=scene, parameters=parameters, estimator=estimator, sampler=sampler, spp=spp, seed=seed)
+    _write(target, job, description.content_hash(), result)
+    _tell(speaker, target, job, result)
+
+
+def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> None:
+    from pipeline.provenance import provenance
+    from scenes.images import write_estimate_exr, write_png
+
+    if target.suffix == ".png":
+        write_png(target, result.image)
+        return
+    metadata = {
+        "job": job.model_dump_json(),
+        "scene": scene_hash,
+        "provenance": provenance().model_dump_json(),
+        "independent": str(_independent(job)),
+    }
+    write_estimate_exr(target, result.image, result.variance, result.film.count, metadata)
+
+
+def _independent(job: Job) -> bool:
+    """Whether the variance is that of the mean: low-discrepancy samples have a smaller one, which they do not tell."""
+    from renderer.samplers.protocol import SAMPLERS
+
+    return SAMPLERS[job.sampler].independent
+
+
+def _tell(speaker: Speaker, target: Path, job: Job, result: RenderResult) -> None:
+    from pipeline.job import decisions, statistics
+
+    found = statistics(result)
+    seconds = result.seconds
+    speaker.line(
+        f"{target}: {result.image.shape[1]} x {result.image.shape[0]}, {job.estimator}, {job.sampler}, {job.spp} spp, "
+        f"seed {job.seed}; {seconds.render:.3f} s, {result.rays.primary:,} primary and {result.rays.shadow:,} shadow rays"
+    )
+    noise = f"noise {found.noise:.3g} (rms standard error of independent samples); " if job.spp > 1 else ""
+    speaker.line(f"{noise}samples {found.verdict}: {found.reason}")
+    speaker.json(
+        {
+            "output": str(target),
+            "job": job.model_dump(),
+            "mean": result.image.mean(axis=(0, 1)).tolist(),
+            "seconds": {"build": seconds.build, "plan": seconds.plan, "render": seconds.render, "cpu": seconds.cpu},
+            "rays": {"primary": result.rays.primary, "shadow": result.rays.shadow},
+            "statistics": found.model_dump(),
+            "plan": [item.model_dump() for item in decisions(result)],
+        }
+    )

@@ -1,0 +1,172 @@
+"""Trying out the parts of the system that Penumbra stands on; each check answers with what it found and a remedy."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+PAGE = "<p>penumbra</p>"
+SECONDS = 60  # a browser's first start on a slow disk
+
+# A display is made in a process of its own: drivers are known to end the process that asks them.
+EGL = """
+import ctypes, sys
+egl = ctypes.CDLL("libEGL.so.1")
+egl.eglGetDisplay.restype = egl.eglGetPlatformDisplay.restype = egl.eglQueryString.restype = ctypes.c_void_p
+egl.eglGetDisplay.argtypes = [ctypes.c_void_p]
+egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p]
+egl.eglInitialize.argtypes = [ctypes.c_void_p] * 3
+egl.eglQueryString.argtypes = [ctypes.c_void_p, ctypes.c_int]
+EGL_PLATFORM_SURFACELESS_MESA, EGL_VENDOR = 0x31DD, 0x3053
+for kind, display in (
+    ("default display", lambda: egl.eglGetDisplay(None)),
+    ("no display, surfaceless", lambda: egl.eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, None, None)),
+):
+    major, minor = ctypes.c_int(), ctypes.c_int()
+    handle = display()
+    if handle and egl.eglInitialize(handle, ctypes.byref(major), ctypes.byref(minor)):
+        vendor = ctypes.cast(egl.eglQueryString(handle, EGL_VENDOR), ctypes.c_char_p).value
+        print(f"EGL {major.value}.{minor.value}, {(vendor or b'?').decode()}, {kind}")
+        sys.exit(0)
+sys.exit("libEGL loads and no display can be initialised")
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of the system. needed: a group of parts of which a run needs one, empty if none."""
+
+    name: str
+    works: bool
+    detail: str
+    remedy: str
+    needed: str = ""
+
+
+def verdict(parts: Sequence[Part]) -> list[str]:
+    """The needed groups of which no part works."""
+    groups = dict.fromkeys(part.needed for part in parts if part.needed)
+    return [group for group in groups if not any(part.works for part in parts if part.needed == group)]
+
+
+def system() -> list[Part]:
+    """Python and the machine: always there, told for bug reports."""
+    from pipeline.provenance import provenance
+
+    made = provenance()
+    text = f"{made.python} on {made.machine}, {made.cores} cores; penumbra {made.penumbra}"
+    return [Part("Python", True, text, "", "Python")]
+
+
+def embree() -> list[Part]:
+    """Trace one ray that hits a triangle and one that misses."""
+    try:
+        from renderer.intersect import make_triangles
+
+        corners = np.array([[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [0.0, 1.0, 2.0]])
+        face = np.array([[0, 1, 2]])
+        triangles = make_triangles(corners, face, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_))
+        directions = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]])
+        distance, index = triangles.closest(np.zeros((3, 1)), directions)
+        works = bool(np.allclose(distance[0], 2.0) and index.tolist() == [0, -1])
+        detail = (
+            "a ray hits a triangle at its distance, another misses" if works else f"wrong hits: {distance}, {index}"
+        )
+    except Exception as error:  # whatever it is, the answer is the same: it does not work here
+        works, detail = False, f"{type(error).__name__}: {error}"
+    return [Part("Embree", works, detail, "pip install --force-reinstall embreex", "Embree")]
+
+
+def images() -> list[Part]:
+    """Write and read back an EXR."""
+    try:
+        from scenes.images import read_exr, write_exr
+
+        plane = np.linspace(-1.0, 1e6, 12).reshape(3, 4).astype(np.float32).astype(np.float64)
+        with tempfile.TemporaryDirectory(prefix="penumbra-") as folder:
+            write_exr(Path(folder) / "probe.exr", {"R": plane})
+            works = bool(np.array_equal(read_exr(Path(folder) / "probe.exr").channels["R"], plane))
+        detail = "an EXR is read back as written" if works else "an EXR is not read back as written"
+    except Exception as error:  # as above
+        works, detail = False, f"{type(error).__name__}: {error}"
+    return [Part("OpenImageIO", works, detail, "pip install --force-reinstall openimageio", "OpenImageIO")]
+
+
+def mitsuba() -> list[Part]:
+    """Each variant by a tiny render in a process of its own."""
+    from pipeline.references.mitsuba import probe_variants
+
+    remedies = {
+        "llvm_ad_rgb": "pip install karellen-llvm-core, or point DRJIT_LIBLLVM_PATH at an LLVM that works (19, 23; not 15)"
+    }
+    general = "pip install --force-reinstall mitsuba"
+    return [
+        Part(
+            f"Mitsuba {probe.variant}",
+            probe.ok,
+            probe.detail,
+            remedies.get(probe.variant, general),
+            "Mitsuba, any variant",
+        )
+        for probe in probe_variants()
+    ]
+
+
+def opengl() -> list[Part]:
+    """Initialise an EGL display, with or without a screen."""
+    remedy = "install EGL, for example: apt install libegl1"
+    if platform.system() != "Linux":
+        return [Part("EGL", False, f"not looked for on {platform.system()}", "none needed for runs")]
+    done = _try([sys.executable, "-c", EGL])
+    if isinstance(done, str):
+        return [Part("EGL", False, done, remedy)]
+    said = (done.stdout if done.returncode == 0 else done.stderr or f"ended with code {done.returncode}").strip()
+    return [Part("EGL", done.returncode == 0, said.splitlines()[-1], remedy)]
+
+
+def browser() -> list[Part]:
+    """Let a headless browser print a page of our own."""
+    remedy = "install a browser, for example: apt install chromium"
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        return [Part("browser", False, f"none of {', '.join(BROWSERS)} on the PATH", remedy)]
+    with tempfile.TemporaryDirectory(prefix="penumbra-") as profile:
+        command = [
+            path,
+            "--headless",
+            "--disable-gpu",
+            f"--user-data-dir={profile}",
+            "--dump-dom",
+            f"data:text/html,{PAGE}",
+        ]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            command.insert(1, "--no-sandbox")  # Chromium's sandbox does not start as root
+        done = _try(command)
+    if isinstance(done, str):
+        return [Part("browser", False, f"{path}: {done}", remedy)]
+    works = done.returncode == 0 and PAGE in done.stdout
+    detail = f"{path} shows a page" if works else f"{path} ended with code {done.returncode} and did not show a page"
+    return [Part("browser", works, detail, remedy)]
+
+
+def _try(command: Sequence[str]) -> subprocess.CompletedProcess[str] | str:
+    """The finished process, or in words why there is none."""
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False)
+    except subprocess.TimeoutExpired:
+        return f"no answer in {SECONDS} s"
+    except OSError as error:
+        return str(error.strerror)
+
+
+CHECKS = (system, embree, images, mitsuba, opengl, browser)

@@ -1,0 +1,71 @@
+"""Folders that are whole or not there: written aside, sealed with checksums, then renamed into place.
+
+A killed process leaves nothing under the final name. What a power cut or a stray edit truncates, the
+checksums show, so that single files need no fsync.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import uuid
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+SEAL = "SHA256SUMS"
+Writer = Callable[[Path], None]
+
+
+def write_entry(final: Path, scratch: Path, writers: Mapping[str, Writer]) -> None:
+    """Make the folder `final` of the files that `writers` write, atomically; an entry already there is replaced.
+
+    scratch: a folder on the same file system, for what is half-written. The seal is in `sha256sum -c` format.
+    """
+    draft = scratch / uuid.uuid4().hex
+    draft.mkdir(parents=True)
+    for name, write in writers.items():
+        write(draft / name)
+    (draft / SEAL).write_text("".join(f"{_digest(draft / name)}  {name}\n" for name in writers))
+    _replace(draft, final, scratch)
+
+
+def _replace(draft: Path, final: Path, scratch: Path) -> None:
+    """Put `draft` in the place of `final`; directories cannot be swapped portably, so an old one steps aside first."""
+    final.parent.mkdir(parents=True, exist_ok=True)
+    if final.exists():
+        aside = scratch / uuid.uuid4().hex
+        final.rename(aside)
+        shutil.rmtree(aside)
+    draft.rename(final)
+
+
+def damage(entry: Path) -> str | None:
+    """What is wrong with an entry, in words: a file that is missing or was altered since it was sealed. None: it is whole."""
+    try:
+        pairs = [line.partition("  ") for line in (entry / SEAL).read_text(encoding="utf-8").splitlines()]
+    except (OSError, UnicodeDecodeError):
+        return f"{SEAL} cannot be read"
+    if not pairs:
+        return f"{SEAL} is empty"
+    for expected, _, name in pairs:
+        if not (entry / name).is_file():
+            return f"{name} is missing"
+        if _digest(entry / name) != expected:
+            return f"{name} is not what was written"
+    return None
+
+
+def write_file(path: Path, content: str) -> None:
+    """Write one small text file atomically and durably."""
+    draft = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    with draft.open("w", encoding="utf-8") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,53 @@
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false, reportUnknownMemberType=false
+"""Structural similarity of the displayed picture (scikit-image)."""
+
+from __future__ import annotations
+
+from typing import Literal, final
+
+import numpy as np
+from skimage.metrics import structural_similarity
+
+from pipeline.metrics.protocol import METRICS, Estimate, Image, Measured, Reference
+from pipeline.metrics.tone import displayed, exposure
+from pipeline.metrics.undefined import defect, undefined
+from pipeline.record import Score
+
+WINDOW = 11  # pixels; a gaussian of standard deviation 1.5, cut at 3.5 of them
+
+
+@final
+class Ssim:
+    """SSIM [wang2004] of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data range 1.
+
+    Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, per channel, mean over channels and over all pixels whose window lies
+    inside. Windows overlap, so that one image gives no interval: replicate seeds do.
+    """
+
+    name = "ssim"
+    title = "SSIM (sRGB, exposed for the reference)"
+    unit = "1"
+    better: Literal["lower", "higher"] = "higher"
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
+        """Score, 1 for equal pictures; map (h, w) of the local similarity. Undefined below 11 x 11 pixels."""
+        if note := defect(estimate, reference):
+            return undefined(self.name, note)
+        if min(estimate.mean.shape[:2]) < WINDOW:
+            return undefined(self.name, f"the picture is smaller than the {WINDOW} x {WINDOW} window")
+        scale = exposure(reference.mean)
+        similarity: tuple[float, Image] = structural_similarity(  # pyright: ignore[reportAssignmentType]
+            displayed(reference.mean, scale),
+            displayed(estimate.mean, scale),
+            data_range=1.0,
+            channel_axis=-1,
+            gaussian_weights=True,
+            use_sample_covariance=False,
+            full=True,
+        )
+        value, local = similarity
+        score = Score(metric=self.name, value=float(value), note=f"exposure {scale:.4g}")
+        return Measured(score, np.mean(local, axis=-1))
+
+
+METRICS.add("ssim", Ssim())

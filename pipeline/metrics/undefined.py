@@ -1,0 +1,37 @@
+"""When a metric has no value: one place that says so, for all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.metrics.protocol import Estimate, Image, Measured, Reference
+from pipeline.record import Score
+from scenes.errors import PenumbraError
+
+
+def undefined(metric: str, note: str) -> Measured:
+    """The answer of a metric that has no value here, and why."""
+    return Measured(Score(metric=metric, value=None, note=note))
+
+
+def nonfinite_pixels(image: Image) -> int:
+    """How many pixels have a channel that is not finite. image: (h, w, 3)."""
+    return int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
+
+
+def defect(estimate: Estimate, reference: Reference) -> str | None:
+    """Why these two cannot be compared, or None. Raises PenumbraError where their sizes differ, which is the caller's error."""
+    if estimate.mean.shape != reference.mean.shape:
+        raise PenumbraError(
+            f"images of different sizes: {_size(estimate.mean)} against a reference of {_size(reference.mean)}"
+        )
+    for image, whose in ((estimate.mean, "the estimate"), (reference.mean, "the reference")):
+        if count := nonfinite_pixels(image):
+            return f"{count:,} of {image.shape[0] * image.shape[1]:,} pixels of {whose} are not finite"
+    if count := nonfinite_pixels(np.where(reference.variance >= 0, reference.variance, np.nan)):
+        return f"the reference's variance is undefined in {count:,} pixels"
+    return None
+
+
+def _size(image: Image) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"

@@ -1,0 +1,82 @@
+"""Reference images in closed form: exact radiance, integrated over each pixel by adaptive quadrature with an error bound.
+
+No sampling and no ray tracing: the light's outline and the receivers' edges are cut exactly on the film, and what is
+left to integrate is smooth. The scene must have one light over coplanar receivers (`closed_form_scene`); there the
+image is right also where every sampling reference fails, a light touching the floor being the case in point.
+
+`variance` of the image is the square of the error bound, `batches` and `spp` are 0: nothing was sampled, and a test
+against this reference has the noise of the other side only. The error is almost always far below its bound.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.references.closed_form_film import film_plane
+from pipeline.references.closed_form_image import closed_form_image, radiance_at
+from pipeline.references.closed_form_scene import analyse
+from pipeline.references.protocol import BACKENDS, Progress, ReferenceImage, ReferenceRequest
+from scenes.description import SceneDescription
+from scenes.errors import PenumbraError, SceneError
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-8  # error bound wanted for a pixel, relative to its value or to a hundredth of the mean
+"""One gray level of 8 bits is 4e-3: this is far below what any sampled image resolves."""
+
+
+class ClosedFormBackend:
+    """One light, nothing in between: the image by formula and quadrature."""
+
+    name = "closed-form"
+
+    def version(self) -> str:
+        """A hash of the sources that make the image."""
+        here = Path(__file__).parent
+        sources = sorted([*here.glob("closed_form*.py"), *here.glob("radiometry*.py")])
+        return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+
+    def refuses(self, scene: SceneDescription) -> str | None:
+        """What keeps the scene from having a closed form, in one sentence."""
+        try:
+            analyse(scene)
+        except SceneError as error:
+            return str(error)
+        return None
+
+    def render(
+        self, scene: SceneDescription, request: ReferenceRequest, progress: Progress | None = None
+    ) -> ReferenceImage:
+        """The image; `request` has no bearing, as there is nothing to sample. PenumbraError if the scene is refused."""
+        refusal = self.refuses(scene)
+        if refusal:
+            raise PenumbraError(f"scene {scene.name}: {refusal}")
+        start = time.perf_counter()
+        image = closed_form_image(analyse(scene), film_plane(scene.camera, scene.film), TOLERANCE)
+        shape = (scene.film.height, scene.film.width, 3)
+        provenance = {
+            "backend": self.name,
+            "version": self.version(),
+            "variance": "square of the quadrature's error bound",
+            "tolerance": f"{TOLERANCE:g}",
+            "largest_bound": f"{image.bound.max():.3g}",
+            "cells": str(image.cells),
+        }
+        if progress:
+            progress(1.0)
+        mean, variance = image.mean.reshape(shape), image.bound.reshape(shape) ** 2
+        return ReferenceImage(mean, variance, 0, 0, time.perf_counter() - start, provenance)
+
+
+def radiance_at_centers(scene: SceneDescription) -> Array:
+    """Exact radiance (h, w, 3) along the rays through the pixels' centres; SceneError where the scene has no closed form."""
+    film = film_plane(scene.camera, scene.film)
+    return radiance_at(analyse(scene), film, film.centers()).reshape(scene.film.height, scene.film.width, 3)
+
+
+BACKENDS.add("closed-form", ClosedFormBackend())

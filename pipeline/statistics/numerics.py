@@ -1,0 +1,50 @@
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""What is used of SciPy here, with types: quantiles and tails of distributions, a root, a box filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, optimize, special, stats
+
+Array = NDArray[np.float64]
+
+
+def normal_cdf(x: Array) -> Array:
+    """P(N <= x), elementwise."""
+    return np.asarray(special.ndtr(x), dtype=np.float64)
+
+
+def normal_tail(level: float) -> float:
+    """The x with P(N > x) = level."""
+    return float(stats.norm.isf(level))
+
+
+def student_survival(x: Array, dof: Array) -> Array:
+    """P(T > x) for Student's t, elementwise; dof may be infinite."""
+    return np.asarray(stats.t.sf(x, dof), dtype=np.float64)
+
+
+def student_tail(level: float, dof: Array | float | int) -> Array:
+    """The x with P(T > x) = level for Student's t, elementwise; dof may be infinite."""
+    return np.asarray(stats.t.isf(level, dof), dtype=np.float64)
+
+
+def gamma_quantile(probability: float, shape: int) -> float:
+    """The x with P(G <= x) = probability, for a gamma variable of this shape and scale 1."""
+    return float(stats.gamma.ppf(probability, shape))
+
+
+def root(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+    """Where `function`, of opposite signs at the ends, is 0 (Brent's method)."""
+    found: Any = optimize.brentq(function, low, high, xtol=tolerance)
+    return float(found)
+
+
+def box_mean(image: Array, size: int) -> Array:
+    """Mean over size x size pixels around each, channel by channel; the border repeats. image: (h, w, 3), all finite."""
+    window: Any = (size, size, 1)
+    return np.asarray(ndimage.uniform_filter(image, size=window, mode="nearest"), dtype=np.float64)

@@ -1,0 +1,139 @@
+"""What the samples say of their own estimate, without any reference: noise, largest share, tail index, verdict."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.record import SampleStatistics, Verdict
+from pipeline.statistics.heavy_tail import SHARE_LIMIT, TailIndex, largest_share, tail_index
+
+Array = NDArray[np.float64]
+
+SPIKE_LIMIT = 0.5  # above it the variance rests on fewer than two samples a pixel
+SPIKE_SAMPLES = 16  # of fewer samples the largest makes up much of the spread even where all is well
+
+
+class SampleVerdict(NamedTuple):
+    """The verdict with the figures that it rests on; `reason` is a sentence."""
+
+    max_share: float
+    hill: float | None
+    verdict: Verdict
+    reason: str
+
+
+def sample_verdict(values: Array) -> SampleVerdict:
+    """Whether the mean of these samples of one integral comes with a standard error that can be believed.
+
+    values: (n,) float64, non-negative sample weights at one point, zeros included. "untrustworthy" where a value is not
+    finite, where one sample carries a tenth of the sum, or where Hill's index is below 2.
+    """
+    finite = values[np.isfinite(values)]
+    share = largest_share(finite, float(np.sum(finite)))
+    index = tail_index(finite, finite.size)
+    return _judge(share, index, int(values.size - finite.size), int(finite.size), spike=None)
+
+
+def sample_statistics(
+    *,
+    mean: Array,
+    m2: Array,
+    count: NDArray[np.int64] | Array,
+    tail: Array,
+    reflected: int,
+    reflected_sum: float,
+    nonfinite: int,
+    maximum: Array | None = None,
+) -> SampleStatistics:
+    """What a render's samples say of it; the arrays are those of the film, tail and counts those of the result.
+
+    mean, m2: (h, w, 3) float64, mean and sum of squared deviations of the samples of each pixel. count: (h, w).
+    tail: (k,) float64, the largest luminances among the `reflected` samples of reflected light of the whole image, whose sum
+    is `reflected_sum`. nonfinite: samples that were not finite. maximum: (h, w, 3), the largest reflected sample of each
+    pixel and channel; with it, and from 16 samples a pixel on, a small tail index is blamed on noise only if single
+    samples make up most of the measured variance (`spike_share`): pooled over an image, the index of a perfectly
+    sampled small light close to a floor is small as well, because the image itself has that range.
+    """
+    share = largest_share(tail, reflected_sum)
+    index = tail_index(tail, reflected)
+    spike = spike_share(mean, m2, count, maximum) if maximum is not None else None
+    verdict = _judge(share, index, nonfinite, reflected, spike)
+    return SampleStatistics(
+        noise=image_noise(m2, count),
+        max_share=share,
+        hill=verdict.hill,
+        nonfinite=nonfinite,
+        verdict=verdict.verdict,
+        reason=verdict.reason,
+    )
+
+
+def image_noise(m2: Array, count: NDArray[np.int64] | Array) -> float:
+    """Root mean square over pixels and channels of the standard error of independent samples; nan below 2 samples.
+
+    m2: (h, w, 3) float64, sums of squared deviations. count: (h, w).
+    """
+    n = np.asarray(count, dtype=np.float64)[..., None]
+    if np.min(n) < 2:
+        return float("nan")
+    return float(np.sqrt(np.mean(m2 / (n * (n - 1)))))
+
+
+def spike_share(mean: Array, m2: Array, count: NDArray[np.int64] | Array, maximum: Array) -> float | None:
+    """How much of all squared deviations from the pixels' means is each pixel's largest sample alone, 0 to 1.
+
+    mean, m2, maximum: (h, w, 3) float64. count: (h, w). Its reciprocal is the number of samples a pixel that the measured variance
+    rests on. n samples give 3/n if uniform, about 2 ln(n)/n if normal, 2/n over a penumbra (one lit sample of n weighs
+    little beside the pixels with n/2); a peak that few samples have found gives nearly 1. Channels in which a mean exceeds
+    the largest reflected sample see a light directly and are left out. None below 16 samples a pixel, or without any spread.
+    """
+    if np.min(count) < SPIKE_SAMPLES:
+        return None
+    reflected = (mean <= maximum) & np.isfinite(m2) & np.isfinite(maximum)
+    spread = float(np.sum(m2, where=reflected))
+    if spread <= 0.0:
+        return None
+    excess = np.where(reflected, maximum, 0.0) - np.where(reflected, mean, 0.0)
+    return min(1.0, float(np.sum(excess**2)) / spread)
+
+
+def _judge(share: float, index: TailIndex | None, nonfinite: int, drawn: int, spike: float | None) -> SampleVerdict:
+    """Gather the signs; each that is raised adds its sentence."""
+    alarms = [text for text in (_of_nonfinite(nonfinite), _of_share(share, drawn), _of_index(index, spike)) if text]
+    hill = index.value if index else None
+    if alarms:
+        return SampleVerdict(share, hill, "untrustworthy", "; ".join(alarms))
+    return SampleVerdict(share, hill, "ok", _all_well(share, index, drawn, spike))
+
+
+def _of_nonfinite(nonfinite: int) -> str | None:
+    return f"{nonfinite:,} samples are not finite" if nonfinite else None
+
+
+def _of_share(share: float, drawn: int) -> str | None:
+    if share <= SHARE_LIMIT:
+        return None
+    return f"one sample of {drawn:,} carries {share:.0%} of the light"
+
+
+def _of_index(index: TailIndex | None, spike: float | None) -> str | None:
+    if index is None or not index.heavy or (spike is not None and spike <= SPIKE_LIMIT):
+        return None
+    found = f"{index}: below 2, so the samples bound no variance and a larger one may be still to come"
+    return found if spike is None else f"{found}; single samples make up {spike:.0%} of the measured variance"
+
+
+def _all_well(share: float, index: TailIndex | None, drawn: int, spike: float | None) -> str:
+    if share == 0.0:
+        return f"none of the {drawn:,} samples carries light"
+    largest = f"the largest of {drawn:,} samples carries {share:.2g} of the light"
+    if index is None:
+        return f"{largest}; too few of them are lit for a tail index"
+    if index.heavy:
+        return (
+            f"{largest}; {index}, but it is the image's own range: single samples make up {spike:.0%} of the variance"
+        )
+    return f"{largest}; {index}"

@@ -1,0 +1,134 @@
+"""How an error falls with time: straight lines on log-log axes, and what halving the error costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.statistics.intervals import CONFIDENCE, NORMAL, Interval, exp
+from pipeline.statistics.numerics import student_tail
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Slope:
+    """log y = intercept + value * log x, natural logarithms.
+
+    se, low, high: standard error and 95 % interval of the slope. center, level, level_se: the mean of log x, the line's height there and
+    its standard error, which is independent of the slope's. factor: how many standard errors the interval's half is. points: how many.
+    """
+
+    value: float
+    se: float
+    intercept: float
+    low: float
+    high: float
+    center: float
+    level: float
+    level_se: float
+    factor: float
+    points: int
+
+    def __call__(self, x: float) -> float:
+        """The line's y at x."""
+        return math.exp(self.level + self.value * (math.log(x) - self.center))
+
+
+def fit_slope(
+    x: Sequence[float] | Array,
+    y: Sequence[float] | Array,
+    y_low: Sequence[float] | Array | None = None,
+    y_high: Sequence[float] | Array | None = None,
+) -> Slope:
+    """A straight line through positive points on log-log axes, with the error of its slope.
+
+    x, y: (n,), n >= 2. y_low, y_high: 95 % intervals of y; given both, a point weighs by the inverse square of their distance on
+    the log scale, else all weigh the same. The error is the greater of what the intervals imply and what the scatter about the line implies
+    (n - 2 degrees of freedom, Student's factor): a fit that is worse than its intervals allow, because the relation is not quite a power law,
+    says so. Without intervals two points have no error: nan.
+    """
+    log_x, log_y = _logs(x, "x"), _logs(y, "y")
+    if log_x.size < 2 or log_x.size != log_y.size:
+        raise ValueError(f"a slope needs two points at least and a y for each x, not {log_x.size} and {log_y.size}")
+    sigma = _log_errors(y_low, y_high, log_y.size)
+    weight = np.ones_like(log_y) if sigma is None else sigma**-2.0
+    center, height = float(np.average(log_x, weights=weight)), float(np.average(log_y, weights=weight))
+    spread = float(np.sum(weight * (log_x - center) ** 2))
+    if spread == 0.0:
+        raise ValueError("all points have the same x")
+    slope = float(np.sum(weight * (log_x - center) * (log_y - height)) / spread)
+    residual = log_y - height - slope * (log_x - center)
+    unit, factor = _scale(float(np.sum(weight * residual**2)), log_y.size - 2, sigma is not None)
+    se = unit / math.sqrt(spread)
+    half = factor * se
+    return Slope(
+        value=slope,
+        se=se,
+        intercept=height - slope * center,
+        low=slope - half,
+        high=slope + half,
+        center=center,
+        level=height,
+        level_se=unit / math.sqrt(float(np.sum(weight))),
+        factor=factor,
+        points=log_x.size,
+    )
+
+
+def halving_cost(slope: Slope) -> Interval:
+    """How many times the time it takes to halve the error, 2^(-1/slope), with its 95 % interval: 4 at a slope of -1/2.
+
+    Infinite where the slope, or the end of its interval, is not negative: no time is enough.
+    """
+    return Interval(_halving(slope.value), _halving(slope.low), _halving(slope.high))
+
+
+def seconds_for_error(slope: Slope, error: float) -> Interval:
+    """The time at which the fitted line reaches `error`, with a 95 % interval by the delta method; infinite for no fall.
+
+    The fit is of error against seconds. Errors of level and slope are independent about the center of the fit.
+    """
+    if slope.value >= 0:
+        return Interval(math.inf, 0.0, math.inf)
+    reach = (math.log(error) - slope.level) / slope.value
+    se = math.hypot(slope.level_se, reach * slope.se) / abs(slope.value)
+    center, half = slope.center + reach, slope.factor * se
+    return Interval(exp(center), exp(center - half), exp(center + half))
+
+
+def _scale(misfit: float, dof: int, weighted: bool) -> tuple[float, float]:
+    """Standard error of a point of unit weight, and the factor of its interval, whichever product is the greater."""
+    implied = (1.0, NORMAL) if weighted else (math.nan, math.nan)
+    if dof == 0:
+        return implied
+    scattered = (math.sqrt(misfit / dof), float(student_tail((1 - CONFIDENCE) / 2, dof)))
+    return max(implied, scattered, key=math.prod) if weighted else scattered
+
+
+def _halving(slope: float) -> float:
+    """2^(-1/slope), infinite for a slope of no fall and where it overflows."""
+    if math.isnan(slope):
+        return math.nan
+    return 2.0 ** (-1.0 / slope) if slope < -1e-3 else math.inf
+
+
+def _logs(values: Sequence[float] | Array, name: str) -> Array:
+    x = np.asarray(values, dtype=np.float64)
+    if not np.all((x > 0) & np.isfinite(x)):
+        raise ValueError(f"{name} must be positive and finite on logarithmic axes")
+    return np.log(x)
+
+
+def _log_errors(low: Sequence[float] | Array | None, high: Sequence[float] | Array | None, count: int) -> Array | None:
+    """Standard errors on the log scale from 95 % intervals, None without intervals."""
+    if low is None or high is None:
+        return None
+    width = _logs(high, "y_high") - _logs(low, "y_low")
+    if width.size != count or np.any(width <= 0):
+        raise ValueError("each interval needs y_low < y_high")
+    return width / (2.0 * NORMAL)

@@ -1,0 +1,188 @@
+"""Do two noisy images show the same picture? Welch's t-test per pixel, per region and for the image mean.
+
+Each side brings its mean, the variance of that mean and the degrees of freedom behind the variance, so that a variance
+estimated from few batches widens the test instead of raising alarms: a normal test on 8 batches rejects equal images of
+19,200 pixels every time, because the smallest of 57,600 estimated variances is far too small. The families of comparisons
+(pixels x channels, regions x channels, channels) are each held to level `alpha` by Sidak's correction, which is exact for
+independent comparisons and conservative for correlated normal ones [sidak1967].
+
+Limits, and what is done about them. Means of rare events are not normal, and their estimated variance is least where the
+mean is low: a penumbra pixel with 64 samples and 1 % of shadow (or of light) often shows no event and no variance at all, and a plain
+test then rejects a true null with certainty. With K events expected to be L, a plain test at level a rejects K = 0 unless
+exp(-L) < a, that is below L = -ln(a), 14 events at the level of one of 57,600 comparisons, and its lower tail stays too heavy to some
+z^6/9 = 1,600 events, where the Edgeworth term z^3/(3 sqrt(L)) of the studentised mean [hall1992] falls below 1. So each side's
+variance is held up by what is known of it besides: the other side's variance at this side's number of samples (under the
+null both sample the same visibility), and the mean over the 3 x 3 pixels around. That only ever lengthens the denominator: no alarm is added, and
+what it costs in power is in `smallest_detectable`, which is computed from the same denominators. The mean differences are untouched, so
+a bias is diluted nowhere. Without both sample counts, and against an exact image, nothing holds the variance up where no event was
+seen; the family of pixels is then left out, the regions remain.
+
+Pixels are taken to be independent, as with a box filter. The variance of quasi-random samples is not what the film's M2
+says: bring replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a heavy tail: see heavy_tail.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.statistics.numerics import box_mean, student_survival
+from pipeline.statistics.power import smallest_detectable
+
+Array = NDArray[np.float64]
+
+# Relative. A reference's batch is a running float32 sum: 256 equal samples may each lose half a unit in the last place.
+ROUNDING = 256 * 2.0**-24
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """One side of a comparison.
+
+    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where it is known
+    or the mean exact. samples: independent samples a pixel behind the mean; None where unknown or the mean exact.
+    """
+
+    mean: Array
+    variance: Array
+    dof: float | int
+    samples: float | int | None = None
+
+    def __post_init__(self) -> None:
+        if self.mean.shape != self.variance.shape:
+            raise ValueError(f"mean and variance of different shapes: {self.mean.shape} and {self.variance.shape}")
+        if np.any(np.isfinite(self.mean) & ~(self.variance >= 0)):
+            raise ValueError("a variance is negative or undefined: it takes 2 samples or batches at least")
+
+
+@dataclass(frozen=True, eq=False)
+class TestResult:
+    """One family of comparisons.
+
+    p: Sidak-corrected p-value of the whole family; `reject` is p < alpha. effect: relative difference (a - b) / b of the comparison with
+    the smallest p. smallest_detectable: the smallest uniform relative bias of the whole image that this family would have
+    rejected with a probability of 95 %. p_map: (h, w) or region grid, smallest p over channels, uncorrected.
+    """
+
+    __test__ = False  # not a test case, whatever its name
+
+    name: str
+    comparisons: int
+    p: float
+    effect: float
+    smallest_detectable: float
+    reject: bool
+    p_map: Array | None = None
+
+    def __str__(self) -> str:
+        verdict = "differ" if self.reject else "agree"
+        return (
+            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, worst difference {self.effect:+.3%}, "
+            f"smallest bias it would have caught {self.smallest_detectable:.3%}"
+        )
+
+
+def batch_moments(batches: Array, samples: float | int | None = None) -> Moments:
+    """The moments of independent batches of equal size. batches: (b, h, w, 3) float64, b >= 2; samples: a pixel, in all."""
+    count = batches.shape[0]
+    return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
+
+
+def compare_images(a: Moments, b: Moments, regions: tuple[int, int] = (4, 4), alpha: float = 0.05) -> list[TestResult]:
+    """Test image `a` against reference `b`: the families "image", "regions" and, with both sample counts, "pixels".
+
+    Each is held to level alpha. regions: rows and columns of the grid, no more than pixels. A pixel that is not finite
+    rejects. Differences up to 1.5e-5 of the value are float32 rounding and count as none; beyond that, a difference where
+    neither side has any variance rejects. Sources: [welch1947], [sidak1967].
+    """
+    if a.mean.shape != b.mean.shape:
+        raise ValueError(f"images of different shapes: {a.mean.shape} and {b.mean.shape}")
+    image = _compare("image", _reduced(a, (1, 1)), _reduced(b, (1, 1)), alpha)
+    parts = _compare("regions", _reduced(a, regions), _reduced(b, regions), alpha)
+    if a.samples is None or b.samples is None:
+        return [image, parts]
+    return [image, parts, _compare("pixels", _steadied(a), _steadied(b), alpha)]
+
+
+def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
+    """Two-sided p, standard error and degrees of freedom of each comparison, all of the shape of the means.
+
+    p is 1 where neither side has variance and the means are equal, 0 where they differ or are not finite. Source: [welch1947].
+    """
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        variance = a.variance + b.variance
+        dof = variance**2 / (a.variance**2 / a.dof + b.variance**2 / b.dof)
+        slack = ROUNDING * np.maximum(np.abs(a.mean), np.abs(b.mean))
+        difference = np.maximum(np.abs(a.mean - b.mean) - slack, 0.0)
+        statistic = np.where(difference == 0, 0.0, difference / np.sqrt(variance))
+    dof = np.where(np.isfinite(dof), dof, np.inf)
+    finite = np.isfinite(statistic) & np.isfinite(a.mean) & np.isfinite(b.mean)
+    p = 2.0 * student_survival(np.where(finite, statistic, np.inf), dof)
+    return p, np.sqrt(variance), dof
+
+
+def sidak(p: float, comparisons: int) -> float:
+    """The family's p-value from the smallest of its p-values: 1 - (1 - p)^comparisons. Source: [sidak1967]."""
+    return float(-np.expm1(comparisons * np.log1p(-p))) if p < 1.0 else 1.0
+
+
+def sidak_level(alpha: float, comparisons: int) -> float:
+    """The level of each comparison that gives the family level alpha: 1 - (1 - alpha)^(1 / comparisons)."""
+    return float(-np.expm1(np.log1p(-alpha) / comparisons))
+
+
+def _compare(name: str, a: Moments, b: Moments, alpha: float) -> TestResult:
+    """One family: every element of the arrays is a comparison; the last axis is the channel."""
+    held_a, held_b = _held_up(a, b), _held_up(b, a)
+    p, error, dof = welch(held_a, held_b)
+    worst = int(np.argmin(p))
+    family = sidak(float(p.flat[worst]), p.size)
+    caught = max(smallest_detectable(b.mean, error, dof, sidak_level(alpha, p.size)), ROUNDING)
+    effect = _relative(float(a.mean.flat[worst]), float(b.mean.flat[worst]))
+    return TestResult(name, p.size, family, effect, caught, family < alpha, np.min(p, axis=-1))
+
+
+def _relative(value: float, reference: float) -> float:
+    """(value - reference) / reference, 0 where both are equal, signed infinity over a reference of 0."""
+    if value == reference:
+        return 0.0
+    return (value - reference) / abs(reference) if reference else float(np.copysign(np.inf, value))
+
+
+def _held_up(side: Moments, other: Moments) -> Moments:
+    """`side` with a variance of no less than the other side's samples would have at this side's number of them."""
+    if side.samples is None or other.samples is None:
+        return side
+    known = np.where(np.isfinite(other.variance), other.variance, 0.0)
+    return replace(side, variance=np.maximum(side.variance, known * (other.samples / side.samples)))
+
+
+def _steadied(side: Moments) -> Moments:
+    """`side` with a variance of no less than the mean over the 3 x 3 pixels around, channel by channel."""
+    finite = np.where(
+        np.isfinite(side.variance), side.variance, 0.0
+    )  # the filter's running sum would carry a nan along
+    around = box_mean(finite, 3)
+    return replace(side, variance=np.maximum(side.variance, around))
+
+
+def _reduced(side: Moments, grid: tuple[int, int]) -> Moments:
+    """Means over a grid of regions (rows, columns), their variances, and Satterthwaite's degrees of freedom [welch1947].
+
+    The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees of freedom; the
+    least over regions and channels is used, of which there are always hundreds.
+    """
+    variance = _summed(side.variance, grid)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        dof = variance**2 / _summed(side.variance**2 / side.dof, grid)
+    pixels = _summed(np.ones_like(side.mean), grid)
+    least = float(np.min(np.where(np.isfinite(dof), dof, np.inf)))
+    return Moments(_summed(side.mean, grid) / pixels, variance / pixels**2, least, side.samples)
+
+
+def _summed(image: Array, grid: tuple[int, int]) -> Array:
+    """Sums over a grid of regions: (h, w, 3) -> (rows, columns, 3); regions differ by a pixel at most."""
+    rows, columns = (np.arange(n) * size // n for n, size in zip(grid, image.shape[:2], strict=True))
+    return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)
