@@ -1,0 +1,133 @@
+"""From a run folder to a folder that opens from disk: one page, plotly and the flip book as files beside it, no network."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from pipeline.entries import write_file
+from pipeline.store import Run, load_run
+from reports.album import Album, make_album
+from reports.figures import error_against_parameter, error_against_time, html, plotly_source
+from reports.formats import job_line, scene_title, settings
+from reports.origin import tell_origin
+from reports.select import Panel, StudyView, select_studies
+from reports.tables import Table, error_table, plan_table, samples_table
+from reports.viewer import flip_script, flipbook_source
+from reports.words import cost_sentences, promise_accuracy, promise_plan, promise_stability, stability_sentences
+from scenes.errors import PenumbraError
+from scenes.images import write_png
+
+ASSETS = "assets"
+NAMED = 40  # missing cells that are named; of more there is the number
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A promise of the project and what this run showed of it."""
+
+    title: str
+    findings: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A panel as the template needs it. anchor: its id; plot: HTML of its figure; samples: only along a parameter."""
+
+    anchor: str
+    title: str
+    panel: Panel
+    sentences: list[str]
+    plot: str
+    table: Table
+    samples: Table | None
+    album: Album | None
+
+
+def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
+    """Write the report of a run, finished or not, into `out_dir` (run_dir/report if None) and return its index.html.
+
+    Renders nothing. PenumbraError where there is no run or the folder cannot be written.
+    """
+    run = load_run(run_dir)
+    out = run_dir / "report" if out_dir is None else out_dir
+    views = select_studies(run)
+    sections = [_section(run, panel, number) for number, panel in enumerate(_panels(views), 1)]
+    try:
+        (out / ASSETS).mkdir(parents=True, exist_ok=True)
+        _write_assets(out / ASSETS, sections)
+        write_file(out / "index.html", _render(run, views, sections))
+    except OSError as error:
+        raise PenumbraError(f"{out}: cannot write the report: {error.strerror}") from error
+    return out / "index.html"
+
+
+def _panels(views: list[StudyView]) -> list[Panel]:
+    return [panel for view in views for panel in view.panels]
+
+
+def _section(run: Run, panel: Panel, number: int) -> Section:
+    along = panel.study.over != "spp"
+    anchor = f"panel-{number}"
+    figure = error_against_parameter(panel) if along else error_against_time(panel)
+    title = scene_title(panel.scene, panel.fixed)
+    return Section(
+        anchor,
+        f"{title}: error along {panel.study.over}" if along else f"{title}: error against time",
+        panel,
+        stability_sentences(panel) if along else cost_sentences(panel),
+        html(figure, f"{anchor}-plot"),
+        error_table(panel),
+        samples_table(panel) if along else None,
+        make_album(run.root, panel),
+    )
+
+
+def _write_assets(folder: Path, sections: list[Section]) -> None:
+    (folder / "plotly.min.js").write_text(plotly_source(), encoding="utf-8")
+    (folder / "flipbook.js").write_text(flipbook_source(), encoding="utf-8")
+    for section in sections:
+        if section.album is not None:
+            script = flip_script(f"{section.anchor}-flip", section.album.pictures, section.album.exposure)
+            (folder / f"{section.anchor}.js").write_text(script, encoding="utf-8")
+            for number, picture in enumerate(section.album.stills, 1):
+                write_png(folder / f"{section.anchor}-{number}.png", picture.pixels, section.album.exposure)
+
+
+def _render(run: Run, views: list[StudyView], sections: list[Section]) -> str:
+    environment = Environment(
+        loader=PackageLoader("reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    missing = [cell for view in views for cell in view.missing]
+    unscored = [cell for view in views for cell in view.unscored]
+    return environment.get_template("page.html").render(
+        title=run.manifest.sweep.title,
+        description=run.manifest.sweep.description,
+        promises=_promises(views),
+        views=views,
+        sections=sections,
+        missing=[job_line(cell.job) for cell in missing[:NAMED]],
+        missing_count=len(missing),
+        cell_count=sum(len(study.cells) for study in run.manifest.studies),
+        unscored=[job_line(cell.job) for cell in unscored[:NAMED]],
+        unscored_count=len(unscored),
+        plan=plan_table(_panels(views)),
+        origin=tell_origin(run, _panels(views)),
+        assets=ASSETS,
+        scene_title=scene_title,
+        settings=settings,
+    )
+
+
+def _promises(views: list[StudyView]) -> list[Promise]:
+    return [
+        Promise("Show what accuracy costs in time.", promise_accuracy(views)),
+        Promise("Test that hard cases stay numerically stable.", promise_stability(views)),
+        Promise("Simulate only the effects that a scene calls for.", promise_plan(_panels(views))),
+    ]

@@ -1,0 +1,187 @@
+"""The tables of the report as headings and cells of text; the template only lays them out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from pipeline.record import PlanDecision, RayCounts
+from reports.figures import color
+from reports.formats import DASH, ends, listing, millions, plain, power_of_ten, scene_title, sig
+from reports.select import Measure, Panel, Point, Series, Settings, varied
+
+# What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, or in the verdict.
+TITLES = {"relmse": "relMSE", "flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR"}
+UNITS = {"flip": "0 to 1", "ssim": "to 1", "psnr": "dB"}
+ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share")
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A column: its title, its unit in small print, and whether it holds words."""
+
+    title: str
+    unit: str = ""
+    words: bool = False
+
+
+@dataclass(frozen=True)
+class Cell:
+    """text and, below it in small print, `range`; kind: CSS classes; color: a swatch before the text; title: shown on hover."""
+
+    text: str
+    range: str = ""
+    kind: str = ""
+    color: str = ""
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """first: whether a new group of rows begins."""
+
+    cells: tuple[Cell, ...]
+    first: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """What the template needs."""
+
+    headings: tuple[Heading, ...]
+    rows: tuple[Row, ...]
+
+
+def error_table(panel: Panel) -> Table:
+    """Error, time, rays and efficiency of every point of a panel."""
+    metrics = [name for name in panel.study.metrics if name not in ELSEWHERE]
+    samplers = len(panel.study.axes.sampler) > 1
+    unit = _unit(point.efficiency for series in panel.series for point in series.points)
+    headings = (
+        Heading("estimator", words=True),
+        *([Heading("sampler", words=True)] if samplers else []),
+        *([] if panel.study.over == "spp" else [Heading(panel.study.over)]),
+        Heading("spp"),
+        Heading("RMSE", "W/(m² sr)"),
+        *(Heading(TITLES.get(name, name), UNITS.get(name, "")) for name in metrics),
+        Heading("time", "s"),
+        Heading("rays", "primary, + shadow"),
+        Heading("efficiency", f"{power_of_ten(unit)}/(MSE × s)"),
+        Heading("verdict", words=True),
+    )
+    rows = (_error_row(panel, s, p, metrics, unit) for s in panel.series for p in ordered(panel, s))
+    return Table(headings, tuple(rows))
+
+
+def _unit(found: Iterable[Measure]) -> int:
+    """The power of a thousand, as an exponent of ten, in which the least of these figures is still one or more."""
+    values = [measure.value for measure in found if measure.value]
+    return 3 * math.floor(math.log10(min(values)) / 3) if values else 0
+
+
+def ordered(panel: Panel, series: Series) -> Sequence[Point]:
+    """The points as the sweep names them: sample counts rise, a parameter goes from easy to hard."""
+    if panel.study.over == "spp":
+        return series.points
+    given = panel.study.axes.parameters[panel.study.over]
+    return sorted(series.points, key=lambda point: given.index(point.x))
+
+
+def _error_row(panel: Panel, series: Series, point: Point, metrics: Sequence[str], unit: int) -> Row:
+    primary, shadow = point.rays
+    cells = (
+        Cell(series.estimator, kind="left", color=color(panel, series)),
+        *([Cell(series.sampler, kind="left")] if len(panel.study.axes.sampler) > 1 else []),
+        *(() if panel.study.over == "spp" else (Cell(plain(point.x)),)),
+        Cell(f"{point.spp:,}"),
+        _value(point.rmse),
+        *(_value(point.scores.get(name, Measure(None)), short=True) for name in metrics),
+        Cell(sig(point.seconds.value), title=f"95 %: {ends(point.seconds)} s"),
+        Cell(millions(primary), f"+ {millions(shadow)}"),
+        _value(_scaled(point.efficiency, 10.0**-unit)),
+        _verdict(point),
+    )
+    return Row(cells, first=point is ordered(panel, series)[0])
+
+
+def _scaled(found: Measure, factor: float) -> Measure:
+    value, low, high = (None if x is None else x * factor for x in (found.value, found.low, found.high))
+    return replace(found, value=value, low=low, high=high)
+
+
+def _value(found: Measure, short: bool = False) -> Cell:
+    """A number with its interval (short: on hover only); an upper bound says so; nothing where nothing may be said."""
+    if found.value is None:
+        return Cell(DASH, kind="muted", title=found.note)
+    if found.bound:
+        return Cell(f"< {sig(found.value)}", kind="muted", title=found.note or "below the reference's noise")
+    return Cell(sig(found.value), range="" if short else ends(found), title=f"95 %: {ends(found)}" if short else "")
+
+
+def _verdict(point: Point) -> Cell:
+    if not point.trusted:
+        return Cell("untrustworthy", f"{point.doubted} of {len(point.cells)} images", "left bad", title=point.verdict)
+    if point.rmse.bound:
+        return Cell("upper bound", "reference noise", "left muted", title="below the reference's noise")
+    if point.rmse.value is None:
+        return Cell("no score", kind="left muted", title=point.rmse.note)
+    return Cell("ok", kind="left")
+
+
+def samples_table(panel: Panel) -> Table:
+    """What the samples say of themselves along a parameter: the ground of every verdict."""
+    headings = (
+        Heading("estimator", words=True),
+        Heading(panel.study.over),
+        Heading("tail index", "below 2: heavy"),
+        Heading("largest share", "of all light"),
+        Heading("verdict", words=True),
+        Heading("because (of the worst replicate)", words=True),
+    )
+    return Table(headings, tuple(_samples_row(panel, s, p) for s in panel.series for p in ordered(panel, s)))
+
+
+def _samples_row(panel: Panel, series: Series, point: Point) -> Row:
+    shown = point.worst
+    cells = (
+        Cell(series.label, kind="left", color=color(panel, series)),
+        Cell(plain(point.x)),
+        Cell(sig(shown.hill)),
+        Cell(sig(shown.max_share)),
+        Cell(shown.verdict, kind="left" if point.trusted else "left bad"),
+        Cell(shown.reason, kind="left wrap"),
+    )
+    return Row(cells, first=point is ordered(panel, series)[0])
+
+
+def plan_table(panels: Iterable[Panel]) -> Table:
+    """Effect, decision and reason for each scene; variants of a scene with one and the same plan share their rows."""
+    headings = tuple(Heading(title, words=True) for title in ("scene", "effect", "needed", "reason"))
+    groups: dict[tuple[str, tuple[PlanDecision, ...]], list[tuple[Settings, RayCounts]]] = {}
+    for panel in panels:
+        for cell in panel.cells:
+            plan, values = tuple(cell.record.plan), varied(panel.study, cell.entry.job)
+            groups.setdefault((panel.scene, plan), []).append((values, cell.record.rays))
+    rows = (row for (scene, plan), found in groups.items() for row in _plan_rows(scene, plan, found))
+    return Table(headings, tuple(rows))
+
+
+def _plan_rows(name: str, plan: Sequence[PlanDecision], found: Sequence[tuple[Settings, RayCounts]]) -> list[Row]:
+    primary, shadow = sum(rays.primary for _, rays in found), sum(rays.shadow for _, rays in found)
+    told = ", ".join([scene_title(name), *_variants(values for values, _ in found)])
+    scene = Cell(told, f"{sig(shadow / primary)} shadow rays a primary ray" if primary else "", "left wrap narrow")
+    return [Row((scene if i == 0 else Cell(""), *_decision(decision)), first=i == 0) for i, decision in enumerate(plan)]
+
+
+def _decision(decision: PlanDecision) -> tuple[Cell, Cell, Cell]:
+    needed = Cell("yes", kind="left") if decision.needed else Cell("no", kind="left good")
+    return Cell(decision.effect, kind="left"), needed, Cell(decision.reason, kind="left wrap")
+
+
+def _variants(settings: Iterable[Settings]) -> list[str]:
+    """Each parameter with all its values."""
+    values: dict[str, dict[float, None]] = {}
+    for name, value in (pair for pairs in settings for pair in pairs):
+        values.setdefault(name, {})[value] = None
+    return [f"{name} {listing([plain(value) for value in found])}" for name, found in values.items()]
