@@ -6,14 +6,15 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol, runtime_checkable
 
-Update = Callable[[float], None]
+Amount = int | float  # spelled out: run-time type checks take no int for a float
+Update = Callable[[Amount], None]
 
 
 @runtime_checkable
 class Listener(Protocol):
     """Told of steps and of what a reader should know; it shows them or not."""
 
-    def step(self, title: str, total: float) -> AbstractContextManager[Update]:
+    def step(self, title: str, total: Amount) -> AbstractContextManager[Update]:
         """A step of `total` units begins; the update is called with how many are done."""
         ...
 

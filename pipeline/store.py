@@ -33,6 +33,8 @@ from scenes.errors import PenumbraError
 Arrays = Mapping[str, NDArray[Any]]
 M = TypeVar("M", bound=BaseModel)
 
+OWN_HIDDEN = (".lock", ".scratch", ".manifest.json.")  # what a run that was killed at its very start may leave
+
 
 class DamagedEntryError(Exception):
     """An entry of the store is there and not whole; it has to be made again."""
@@ -124,7 +126,7 @@ def create_store(root: Path) -> Store:
     """The store in folder `root`, made if need be; PenumbraError if it cannot be written or holds something else than a run."""
     try:
         root.mkdir(parents=True, exist_ok=True)
-        strangers = [path.name for path in root.iterdir() if path.name != ".lock"]
+        strangers = [path.name for path in root.iterdir() if not path.name.startswith(OWN_HIDDEN)]
         (root / ".lock").touch()
     except OSError as error:
         raise PenumbraError(f"{root}: cannot write to this folder: {error.strerror}") from error

@@ -89,10 +89,6 @@ class Axes(_Strict):
     seeds: Seeds = [0, 1, 2]
     parameters: dict[str, Values] = {}
 
-    def seed_list(self) -> list[int]:
-        """The replicate seeds."""
-        return self.seeds
-
 
 class Study(_Strict):
     """One question put to some scenes. `over` is the axis that a plot of it runs along: `spp` or a parameter."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pipeline.record import Provenance, Record, ReferenceInfo
 from pipeline.store import Run
 from reports.formats import count, scene_title, sig
-from reports.select import Panel, varied
+from reports.select import Panel, varied, wall_over_cpu
 from reports.tables import Cell, Heading, Row, Table
 
 DIGITS = 12  # of a hash
@@ -42,8 +43,17 @@ def _facts(run: Run, records: Sequence[Record], made: Sequence[Provenance]) -> l
         ("Machine", _each(f"{p.machine}, {count(p.cores, 'core')}; one thread a render" for p in made)),
         ("Rendered", f"{days[0]} to {days[-1]}" if days[0] != days[-1] else days[0]),
         ("Cost", f"{count(len(records), 'image')}, {sig(render)} s of rendering in all"),
+        ("Clock", _clock(records)),
         ("Seeds", "; ".join(f"{s.name}: {', '.join(map(str, s.axes.seeds))}" for s in run.manifest.sweep.study)),
     ]
+
+
+def _clock(records: Sequence[Record]) -> str:
+    """How far the wall clock, which the report shows, was ahead of the CPU's: a machine that was busy shows itself here."""
+    ratios = wall_over_cpu(records)
+    if not ratios:
+        return "no image took measurable CPU time"
+    return f"wall over CPU seconds of the renders: median {statistics.median(ratios):.2f}, largest {max(ratios):.2f}"
 
 
 def _each(values: Iterable[str]) -> str:

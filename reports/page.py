@@ -16,7 +16,14 @@ from reports.origin import tell_origin
 from reports.select import Panel, StudyView, select_studies
 from reports.tables import Table, error_table, plan_table, samples_table
 from reports.viewer import flip_script, flipbook_source
-from reports.words import cost_sentences, promise_accuracy, promise_plan, promise_stability, stability_sentences
+from reports.words import (
+    cost_sentences,
+    left_out_sentences,
+    promise_accuracy,
+    promise_plan,
+    promise_stability,
+    stability_sentences,
+)
 from scenes.errors import PenumbraError
 from scenes.images import write_png
 
@@ -54,7 +61,8 @@ def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
     run = load_run(run_dir)
     out = run_dir / "report" if out_dir is None else out_dir
     views = select_studies(run)
-    sections = [_section(run, panel, number) for number, panel in enumerate(_panels(views), 1)]
+    pairs = [(view, panel) for view in views for panel in view.panels]
+    sections = [_section(run, view, panel, number) for number, (view, panel) in enumerate(pairs, 1)]
     try:
         (out / ASSETS).mkdir(parents=True, exist_ok=True)
         _write_assets(out / ASSETS, sections)
@@ -68,7 +76,7 @@ def _panels(views: list[StudyView]) -> list[Panel]:
     return [panel for view in views for panel in view.panels]
 
 
-def _section(run: Run, panel: Panel, number: int) -> Section:
+def _section(run: Run, view: StudyView, panel: Panel, number: int) -> Section:
     along = panel.study.over != "spp"
     anchor = f"panel-{number}"
     figure = error_against_parameter(panel) if along else error_against_time(panel)
@@ -77,7 +85,7 @@ def _section(run: Run, panel: Panel, number: int) -> Section:
         anchor,
         f"{title}: error along {panel.study.over}" if along else f"{title}: error against time",
         panel,
-        stability_sentences(panel) if along else cost_sentences(panel),
+        (stability_sentences(panel) if along else cost_sentences(panel)) + left_out_sentences(view, panel),
         html(figure, f"{anchor}-plot"),
         error_table(panel),
         samples_table(panel) if along else None,

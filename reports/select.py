@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from pipeline.manifest import CellEntry, LeftOut, StudyEntry
-from pipeline.record import Job, ReferenceInfo, SampleStatistics, Score
+from pipeline.record import Job, Record, ReferenceInfo, SampleStatistics, Score
 from pipeline.statistics.intervals import Interval, efficiency, mean_interval, replicate_mse
 from pipeline.store import FinishedCell, FinishedStudy, Run
 from pipeline.sweep import Study
@@ -100,8 +100,14 @@ class Panel:
 
     @property
     def cells(self) -> list[FinishedCell]:
-        """Every cell of the panel."""
-        return [cell for series in self.series for point in series.points for cell in point.cells]
+        """Every cell of the panel, in the order of the sweep."""
+        return [cell for series in self.series for point in self.ordered(series) for cell in point.cells]
+
+    def ordered(self, series: Series) -> list[Point]:
+        """The points of a series as the sweep names them, a parameter from easy to hard where it does so."""
+        study = self.study
+        given = [float(x) for x in (study.axes.spp if study.over == "spp" else study.axes.parameters[study.over])]
+        return sorted(series.points, key=lambda point: given.index(point.x))
 
     @property
     def references(self) -> list[ReferenceInfo]:
@@ -136,6 +142,11 @@ def _view(finished: FinishedStudy, entry: StudyEntry) -> StudyView:
         tuple(cell.entry for cell in finished.cells if cell.card is None),
         finished.left_out,
     )
+
+
+def wall_over_cpu(records: Iterable[Record]) -> list[float]:
+    """Wall over CPU seconds of each render: 1 on a machine with nothing else to do."""
+    return [record.seconds.render / record.seconds.cpu for record in records if record.seconds.cpu > 0]
 
 
 def varied(study: Study, job: Job) -> Settings:

@@ -66,11 +66,11 @@ def error_table(panel: Panel) -> Table:
         Heading("RMSE", "W/(m² sr)"),
         *(Heading(TITLES.get(name, name), UNITS.get(name, "")) for name in metrics),
         Heading("time", "s"),
-        Heading("rays", "primary, + shadow"),
+        Heading("rays", "+ shadow rays"),
         Heading("efficiency", f"{power_of_ten(unit)}/(MSE × s)"),
         Heading("verdict", words=True),
     )
-    rows = (_error_row(panel, s, p, metrics, unit) for s in panel.series for p in ordered(panel, s))
+    rows = (_error_row(panel, s, p, metrics, unit) for s in panel.series for p in panel.ordered(s))
     return Table(headings, tuple(rows))
 
 
@@ -78,14 +78,6 @@ def _unit(found: Iterable[Measure]) -> int:
     """The power of a thousand, as an exponent of ten, in which the least of these figures is still one or more."""
     values = [measure.value for measure in found if measure.value]
     return 3 * math.floor(math.log10(min(values)) / 3) if values else 0
-
-
-def ordered(panel: Panel, series: Series) -> Sequence[Point]:
-    """The points as the sweep names them: sample counts rise, a parameter goes from easy to hard."""
-    if panel.study.over == "spp":
-        return series.points
-    given = panel.study.axes.parameters[panel.study.over]
-    return sorted(series.points, key=lambda point: given.index(point.x))
 
 
 def _error_row(panel: Panel, series: Series, point: Point, metrics: Sequence[str], unit: int) -> Row:
@@ -102,7 +94,7 @@ def _error_row(panel: Panel, series: Series, point: Point, metrics: Sequence[str
         _value(_scaled(point.efficiency, 10.0**-unit)),
         _verdict(point),
     )
-    return Row(cells, first=point is ordered(panel, series)[0])
+    return Row(cells, first=point is panel.ordered(series)[0])
 
 
 def _scaled(found: Measure, factor: float) -> Measure:
@@ -123,7 +115,7 @@ def _verdict(point: Point) -> Cell:
     if not point.trusted:
         return Cell("untrustworthy", f"{point.doubted} of {len(point.cells)} images", "left bad", title=point.verdict)
     if point.rmse.bound:
-        return Cell("upper bound", "reference noise", "left muted", title="below the reference's noise")
+        return Cell("upper bound", kind="left muted", title="below the reference's noise")
     if point.rmse.value is None:
         return Cell("no score", kind="left muted", title=point.rmse.note)
     return Cell("ok", kind="left")
@@ -139,7 +131,7 @@ def samples_table(panel: Panel) -> Table:
         Heading("verdict", words=True),
         Heading("because (of the worst replicate)", words=True),
     )
-    return Table(headings, tuple(_samples_row(panel, s, p) for s in panel.series for p in ordered(panel, s)))
+    return Table(headings, tuple(_samples_row(panel, s, p) for s in panel.series for p in panel.ordered(s)))
 
 
 def _samples_row(panel: Panel, series: Series, point: Point) -> Row:
@@ -152,7 +144,7 @@ def _samples_row(panel: Panel, series: Series, point: Point) -> Row:
         Cell(shown.verdict, kind="left" if point.trusted else "left bad"),
         Cell(shown.reason, kind="left wrap"),
     )
-    return Row(cells, first=point is ordered(panel, series)[0])
+    return Row(cells, first=point is panel.ordered(series)[0])
 
 
 def plan_table(panels: Iterable[Panel]) -> Table:

@@ -15,13 +15,17 @@ from reports.select import Measure, Panel, Point, Series
 
 @dataclass(frozen=True)
 class Comparison:
-    """How many times as efficient `series` is as `base`, at the largest sample count at which both are measured."""
+    """How many times as efficient `series` is as `base`, at the largest sample count at which both are measured.
+
+    relative: the same by relMSE instead of MSE, where that is measured too: the two differ where few bright pixels make up the MSE.
+    """
 
     panel: Panel
     series: Series
     base: Series
     spp: int
     ratio: Interval
+    relative: Interval | None
 
 
 def measured(series: Series) -> list[Point]:
@@ -85,9 +89,18 @@ def _compare(panel: Panel, pairs: Sequence[tuple[Series, Series | None]]) -> lis
         against = {p.x: p for p in base.points if p.efficiency.measured} if base else {}
         both = [p for p in series.points if p.efficiency.measured and p.x in against]
         if base and both:
-            ends = _interval(both[-1].efficiency), _interval(against[both[-1].x].efficiency)
-            found.append(Comparison(panel, series, base, both[-1].spp, product((ends[0], 1.0), (ends[1], -1.0))))
+            one, other = both[-1], against[both[-1].x]
+            ratio = product((_interval(one.efficiency), 1.0), (_interval(other.efficiency), -1.0))
+            found.append(Comparison(panel, series, base, one.spp, ratio, _relative(one, other)))
     return found
+
+
+def _relative(one: Point, other: Point) -> Interval | None:
+    scores = [point.scores.get("relmse", Measure(None)) for point in (one, other)]
+    if not all(score.measured and score.value for score in scores):
+        return None
+    relmse = [_interval(score) for score in scores]
+    return product((relmse[0], -1.0), (one.seconds, -1.0), (relmse[1], 1.0), (other.seconds, 1.0))
 
 
 def _interval(found: Measure) -> Interval:

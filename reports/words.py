@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Sequence
 
 from pipeline.statistics.slopes import halving_cost
 from reports.formats import capital, count, interval, listing, millions, plain, scene_title, sig, slope_text, spread
-from reports.select import Panel, Point, Series, StudyView
+from reports.select import Panel, Point, Series, StudyView, wall_over_cpu
 from reports.trends import Comparison, by_estimator, by_sampler, fitted_slope, last_slope, measured, sample_slope
 
+DISAGREE = 1.5  # factor between the ratio by MSE and that by relMSE from which on both are told
 TOLD = 3  # comparisons named one by one
+QUIET = 1.1  # wall over CPU seconds; beyond it the times are another program's as well
 
 
 def cost_sentences(panel: Panel) -> list[str]:
@@ -38,7 +41,7 @@ def _last_cost(series: Series) -> str:
         return _no_cost(series)
     slope, start, stop = found
     hidden = [p for p in series.points if p.rmse.bound]
-    beyond = f"; {_spp(hidden)} is below the reference's noise" if hidden else ""
+    beyond = f"; {_spp(hidden)} {_are(len(hidden))} below the reference's noise" if hidden else ""
     return (
         f"{capital(series.estimator)} with {series.sampler}: at the pace of the last measured step, {start.spp} to {stop.spp} spp, "
         f"{interval(halving_cost(slope))} times (local slope {slope_text(slope)}{beyond})."
@@ -52,6 +55,10 @@ def _no_cost(series: Series) -> str:
 
 def stability_sentences(panel: Panel) -> list[str]:
     """Which series hold along a parameter, which do not, and from where on."""
+    return [capital(sentence) for sentence in _stability(panel)]
+
+
+def _stability(panel: Panel) -> list[str]:
     return [_holds(s, panel) if all(p.trusted for p in s.points) else _fails(s, panel) for s in panel.series]
 
 
@@ -62,7 +69,7 @@ def _holds(series: Series, panel: Panel) -> str:
     cells = sum(len(p.cells) for p in series.points)
     error = f"RMSE {spread(values)}" if values else "no RMSE that is more than a bound"
     hidden = f", {count(bounds, 'more point')} below the reference's noise" if bounds and values else ""
-    return f"{capital(series.label)} holds {ends}: the samples of all {cells} images can be trusted, {error}{hidden}."
+    return f"{series.label} holds {ends}: the samples of all {cells} images can be trusted, {error}{hidden}."
 
 
 def _fails(series: Series, panel: Panel) -> str:
@@ -71,9 +78,18 @@ def _fails(series: Series, panel: Panel) -> str:
     doubted = sum(p.doubted for p in refused)
     total = sum(len(p.cells) for p in refused)
     return (
-        f"{capital(series.label)} is untrustworthy at {panel.study.over} = {where}: there the samples of {doubted} of {total} images "
+        f"{series.label} is untrustworthy at {panel.study.over} = {where}: there the samples of {doubted} of {total} images "
         f"cannot tell their own error, and no number is given."
     )
+
+
+def left_out_sentences(view: StudyView, panel: Panel) -> list[str]:
+    """What the sweep asked for on this scene and could not have."""
+    return [
+        f"{capital(item.what)} is left out: {item.reason.replace('`', '')}."
+        for item in view.left_out
+        if item.scene == panel.scene or item.scene.startswith(f"{panel.scene} ")
+    ]
 
 
 def promise_accuracy(views: Sequence[StudyView]) -> list[str]:
@@ -81,7 +97,20 @@ def promise_accuracy(views: Sequence[StudyView]) -> list[str]:
     panels = [panel for view in views if view.study.over == "spp" for panel in view.panels]
     if not panels:
         return ["This run varied no sample count, so that it says nothing about the price of accuracy."]
-    return [_costs(panels), *_compared(panels, by_estimator), *_compared(panels, by_sampler), _hidden(panels)]
+    told = [_costs(panels), *_compared(panels, by_estimator), *_compared(panels, by_sampler), _hidden(panels)]
+    return told + _disturbed(panels)
+
+
+def _disturbed(panels: Sequence[Panel]) -> list[str]:
+    """A warning where the machine had other work, so that times and all that is made of them are too long and scattered."""
+    ratios = wall_over_cpu(cell.record for panel in panels for cell in panel.cells)
+    usual = statistics.median(ratios) if ratios else 1.0
+    if usual <= QUIET:
+        return []
+    return [
+        f"The machine was busy: half of the renders waited for the processor so long that they took {sig(usual)} times "
+        f"their CPU time or more. Times and efficiencies of this run are no better than that."
+    ]
 
 
 def _costs(panels: Sequence[Panel]) -> str:
@@ -121,8 +150,15 @@ def _ratios(found: Sequence[Comparison], base: str, scenes: bool) -> str:
         low, high = min(c.ratio.low for c in found), max(c.ratio.high for c in found)
         ratios = f"{spread([c.ratio.value for c in found])} times as efficient as {base}"
         return f"{ratios} ({len(found)} comparisons, 95 % intervals within {sig(low)} to {sig(high)})"
-    told = [f"{interval(c.ratio)}|{_where(c, scenes)}" for c in found]
+    told = [f"{interval(c.ratio)}|{_where(c, scenes)}{_by_relmse(c)}" for c in found]
     return listing([told[0].replace("|", f" times as efficient as {base} "), *(t.replace("|", " ") for t in told[1:])])
+
+
+def _by_relmse(found: Comparison) -> str:
+    """The ratio by relMSE where it tells another story."""
+    if found.relative is None or 1 / DISAGREE < found.relative.value / found.ratio.value < DISAGREE:
+        return ""
+    return f" (by relMSE, {interval(found.relative)} times)"
 
 
 def _where(found: Comparison, scenes: bool) -> str:
@@ -150,7 +186,7 @@ def _are(number: int) -> str:
 def promise_stability(views: Sequence[StudyView]) -> list[str]:
     """Promise 2: whether hard cases stayed stable in this run."""
     panels = [panel for view in views if view.study.over != "spp" for panel in view.panels]
-    told = [f"{_on(p).capitalize()}: {sentence}" for p in panels for sentence in stability_sentences(p)]
+    told = [f"{capital(_on(p))}, {sentence}" for p in panels for sentence in _stability(p)]
     if not panels:
         told = ["This run drove no scene parameter to an extreme."]
     return [*told, _soundness([panel for view in views for panel in view.panels])]
@@ -175,18 +211,15 @@ def promise_plan(panels: Sequence[Panel]) -> list[str]:
     spared = sum(not decision.needed for plan in plans.values() for decision in plan)
     primary, shadow = sum(r.rays.primary for r in records), sum(r.rays.shadow for r in records)
     return [
-        f"In {count(len(plans), 'scene')} (variants counted) the plan decided on {sum(map(len, plans.values()))} effects and left out "
+        f"For {count(len(plans), 'scene', 'scenes and variants of scenes')} the plan decided on {sum(map(len, plans.values()))} effects and left out "
         f"{spared}, whose result is provably zero or changes nothing.",
-        f"{millions(primary)} primary rays took {millions(shadow)} shadow rays: {_saved(primary, shadow)}{_unshadowed(panels)}.",
+        f"{millions(primary)} primary rays needed {millions(shadow)} shadow rays{_saved(primary, shadow)}{_unshadowed(panels)}.",
     ]
 
 
 def _saved(primary: int, shadow: int) -> str:
-    return (
-        f"{1 - shadow / primary:.0%} fewer than one for each, counting those that met nothing to shade"
-        if primary
-        else ""
-    )
+    share = f"{100 * (1 - shadow / primary):.0f} %"
+    return f", {share} fewer than one each: the others had nothing to shade, or nothing could lie between"
 
 
 def _unshadowed(panels: Sequence[Panel]) -> str:

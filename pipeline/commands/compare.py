@@ -46,9 +46,9 @@ def compare(
     limits = definitions(limit)
     names = list(dict.fromkeys([*(metric or METRICS.names()), *limits]))
     entries = {name: METRICS[name] for name in names}
-    reference, what = _reference(truth)
+    estimate, (reference, what) = Estimate(read_rgb(image)), _reference(truth)
+    scores = {name: found.score for name, found in score(estimate, reference, names).items()}
     speaker.note(f"{truth}: {what}")
-    scores = {name: found.score for name, found in score(Estimate(read_rgb(image)), reference, names).items()}
     rows = [(entries[name].title, entries[name].unit, *_cells(found)) for name, found in scores.items()]
     speaker.table(("metric", "unit", "value", "95 % interval", "note"), rows)
     worse = [name for name, value in limits.items() if _worse(scores[name], value, entries[name].better)]

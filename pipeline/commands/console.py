@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from pipeline.progress import Update
+from pipeline.progress import Amount, Update
 
 PIPE_WIDTH = 160  # columns where nobody's terminal says how many: long enough for a reason in words
 
@@ -29,7 +29,7 @@ class Speaker:
         self._err = _console(sys.stderr)
 
     @contextmanager
-    def step(self, title: str, total: float) -> Generator[Update]:
+    def step(self, title: str, total: Amount) -> Generator[Update]:
         """A progress bar on stderr, see `Listener.step`."""
         columns = (
             TextColumn("{task.description}"),
@@ -41,7 +41,7 @@ class Speaker:
         bar = Progress(*columns, console=self._err, disable=self.quiet)
         task = bar.add_task(escape(title), total=total)
 
-        def update(done: float) -> None:
+        def update(done: Amount) -> None:
             if not bar.live.is_started:  # not before there is progress: an early error stands alone
                 bar.start()
             bar.update(task, completed=done)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.executors.protocol import Outcome
-from pipeline.progress import Update
+from pipeline.progress import Amount, Update
 from pipeline.references.protocol import Progress, ReferenceImage, ReferenceRequest
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
@@ -85,13 +85,13 @@ class Recorder:
     """Remembers notes, and of each step its last state: title to (done, total)."""
 
     notes: list[str] = field(default_factory=list)
-    steps: dict[str, tuple[float, float]] = field(default_factory=dict)
+    steps: dict[str, tuple[Amount, Amount]] = field(default_factory=dict)
 
     @contextmanager
-    def step(self, title: str, total: float) -> Generator[Update]:
+    def step(self, title: str, total: Amount) -> Generator[Update]:
         self.steps[title] = (0, total)
 
-        def update(done: float) -> None:
+        def update(done: Amount) -> None:
             self.steps[title] = (done, total)
 
         yield update

@@ -119,6 +119,12 @@ def test_a_folder_with_something_else_is_left_as_it_is(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+def test_a_run_killed_at_its_very_start_does_not_block_the_next(tmp_path: Path) -> None:
+    (tmp_path / ".scratch").mkdir()
+    (tmp_path / ".manifest.json.draft").touch()
+    assert create_store(tmp_path).root == tmp_path
+
+
 def _manifest(record: Record, scores: str) -> Manifest:
     sweep = load_sweep("touching-light-gap")
     cells = [CellEntry(key=key, job=JOB, score=scores) for key in (record.key, "1" * 32)]

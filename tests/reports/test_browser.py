@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Locator, Page, Playwright, Route, sync_playwright
+from playwright.sync_api import Locator, Page, Playwright, Route, TimeoutError, sync_playwright
 
 from tests.system_parts import chromium
 
@@ -209,13 +210,20 @@ def width(opened: Opened, request: pytest.FixtureRequest) -> Iterator[int]:
     opened.page.set_viewport_size({"width": WIDE, "height": 900})
 
 
+def _settled(page: Page, query: str) -> Any:
+    """The answer of a query for what is wrong; plots follow the width of a window a moment later."""
+    with suppress(TimeoutError):
+        page.wait_for_function(f"({query})().length === 0")
+    return page.evaluate(query)
+
+
 def test_nothing_is_cut_off(opened: Opened, width: int) -> None:
     """And a picture of the whole page is kept, to be looked at."""
     for place in opened.page.locator(".flip").all():
         place.scroll_into_view_if_needed()
         _shown(place).wait_for(state="visible")
+    assert _settled(opened.page, OVERHANG) == []
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
-    assert opened.page.evaluate(OVERHANG) == []
     opened.page.evaluate("scrollTo(0, 0)")
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     path = SCREENSHOTS / f"report-{opened.name}-{width}.png"

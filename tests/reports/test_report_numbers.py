@@ -9,13 +9,20 @@ from pathlib import Path
 import pytest
 from scipy import stats
 
-from pipeline.record import Score
+from pipeline.record import Score, Seconds
 from pipeline.statistics.slopes import halving_cost
 from pipeline.store import Run, load_run
 from reports.formats import count, ends, interval, listing, millions, plain, power_of_ten, sig, spread
 from reports.select import Measure, Panel, Series, select_studies
 from reports.trends import by_estimator, by_sampler, fitted_slope, last_slope, sample_slope
-from reports.words import cost_sentences, promise_accuracy, promise_plan, promise_stability, stability_sentences
+from reports.words import (
+    cost_sentences,
+    left_out_sentences,
+    promise_accuracy,
+    promise_plan,
+    promise_stability,
+    stability_sentences,
+)
 from tests.reports.small_run import GAPS, SECONDS, SEEDS, SIGMA, SPP, SPREAD
 
 
@@ -146,6 +153,13 @@ def test_cost_sentences(samples: Panel) -> None:
     )
 
 
+def test_what_was_left_out_of_a_scene_is_said_where_the_scene_is(run: Run) -> None:
+    view = select_studies(run)[0]
+    assert left_out_sentences(view, view.panels[0]) == []
+    disk = replace(view.panels[0], scene="disk-light")
+    assert left_out_sentences(view, disk) == ["Solid-angle is left out: its method is still to come."]
+
+
 def test_stability_sentences(overflow: Panel) -> None:
     fails, holds = stability_sentences(overflow)
     assert fails.startswith("Area is untrustworthy at gap = 0.01 and 0.0001: there the samples of 6 of 6 images")
@@ -164,6 +178,37 @@ def test_promises(run: Run) -> None:
     assert "6 were called untrustworthy" in stability[-1] and "none had a sample" in stability[-1]
     assert "decided on 8 effects and left out 4" in plan[0]
     assert "touching-light needed none at all" in plan[1]
+
+
+def test_relmse_is_told_where_it_tells_another_story(samples: Panel) -> None:
+    """Both errors are halved in the small run; here relMSE of solid angle is a hundredth besides, MSE is not."""
+    solid = line(samples, "solid-angle")
+    last = solid.points[-1]
+    relmse = last.scores["relmse"]
+    assert relmse.value and relmse.low and relmse.high
+    better = Measure(relmse.value / 100, relmse.low / 100, relmse.high / 100)
+    points = (*solid.points[:-1], replace(last, scores=last.scores | {"relmse": better}))
+    changed = replace(samples, series=(line(samples, "area"), replace(solid, points=points)))
+    found = by_estimator(changed)[0]
+    assert found.relative is not None
+    assert (found.ratio.value, found.relative.value) == pytest.approx((4, 400))
+    assert any("(by relMSE, 400 (" in sentence for sentence in cost_sentences(changed))
+    assert not any("relMSE" in sentence for sentence in cost_sentences(samples))
+
+
+def test_a_busy_machine_is_told(run: Run) -> None:
+    """Catches times that are another program's: wall seconds twice the CPU's in every cell."""
+    cells = tuple(
+        replace(cell, record=cell.record.model_copy(update={"seconds": _waiting(cell.record.seconds)}))
+        for cell in run.studies[0].cells
+    )
+    changed = replace(run, studies=(replace(run.studies[0], cells=cells), run.studies[1]))
+    assert "took 2.00 times their CPU time or more" in promise_accuracy(select_studies(changed))[-1]
+    assert "CPU" not in " ".join(promise_accuracy(select_studies(run)))
+
+
+def _waiting(seconds: Seconds) -> Seconds:
+    return seconds.model_copy(update={"cpu": seconds.render / 2})
 
 
 def test_a_run_says_what_it_does_not_show(run: Run) -> None:

@@ -165,6 +165,12 @@ def test_the_viewer_holds_the_pictures_bit_for_bit(small_page: Path) -> None:
     assert np.array_equal(shown, truth().astype(np.float32).astype(np.float16))
 
 
+def test_the_viewer_shows_both_ends_and_the_middle_of_a_parameter(small_page: Path) -> None:
+    data = book((small_page.parent / "assets" / "panel-2.js").read_text(encoding="utf-8"))
+    kinds = ("reference", "area", "solid-angle")
+    assert data["names"] == [f"{kind}, gap {gap}" for gap in ("1", "0.01", "0.0001") for kind in kinds]
+
+
 def test_the_viewer_keeps_what_is_no_number_and_what_halves_cannot_hold() -> None:
     """NaN and infinity have to be seen; a scene of radiance 1e-7 or 1e6 is not to turn black or white for want of bits."""
     image = np.full((2, 2, 3), 0.5)
