@@ -11,6 +11,7 @@ from pipeline.commands.compare import compare
 from pipeline.commands.doctor import doctor
 from pipeline.commands.explain import explain
 from pipeline.commands.export import export
+from pipeline.commands.ladder import ladder
 from pipeline.commands.lists import list_names
 from pipeline.commands.reference import reference
 from pipeline.commands.render import render
@@ -28,6 +29,7 @@ EXAMPLES = """Examples:
   penumbra compare out.exr reference.exr      errors with their intervals
   penumbra explain soft-shadow --measure      what is simulated, why, its cost
   penumbra export touching-light -D gap=0.001 -o gap.pbrt
+  penumbra ladder                             a light comes down on a floor
   penumbra list scenes                        estimators, samplers, metrics ...
   penumbra doctor                             what works on this machine
 
@@ -52,6 +54,7 @@ app.command("reference")(reference)
 app.command("compare")(compare)
 app.command("explain")(explain)
 app.command("export")(export)
+app.command("ladder")(ladder)
 app.command("list")(list_names)
 app.command("doctor")(doctor)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,8 @@ class RenderScene:
     """A scene as arrays. s shapes, K lights in all, numbered kind by kind.
 
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,).
-    light_shape, light_quadric: (K,) which shape and which quadric each light is. seconds_build: wall clock.
+    light_shape, light_quadric: (K,) which shape and which quadric each light is. quadric_light: its inverse, -1 for none.
+    material_of: (s,) which of the materials each shape has. seconds_build: wall clock.
     """
 
     description: SceneDescription
@@ -39,8 +40,18 @@ class RenderScene:
     two_sided: NDArray[np.bool_]
     light_shape: NDArray[np.int64]
     light_quadric: NDArray[np.int64]
+    quadric_light: NDArray[np.int64]
+    material_of: NDArray[np.int64]
     light_names: tuple[str, ...]
     seconds_build: float
+
+    def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
+        """Each kind of material with the rows (m,) of shape (n,) that are of it."""
+        own = self.material_of[shape]
+        for i, kind in enumerate(self.materials):
+            rows = np.flatnonzero(own == i)
+            if rows.size:
+                yield kind, rows
 
 
 def build(scene: SceneDescription) -> RenderScene:
@@ -53,18 +64,24 @@ def build(scene: SceneDescription) -> RenderScene:
     lights, names = _lights(shapes)
     light_shape = np.concatenate([kind.shape for kind in lights])
     black = np.zeros(3)
+    light_quadric = _own_quadrics(light_shape, quadrics)
+    quadric_light = np.full(len(quadrics), -1)
+    quadric_light[light_quadric] = np.arange(light_quadric.size)
+    materials = _materials(shapes)
     return RenderScene(
         description=scene,
         camera=make_camera(scene.camera, scene.film),
         triangles=_triangles(shapes),
         quadrics=quadrics,
         lights=lights,
-        materials=_materials(shapes),
+        materials=materials,
         bounds=tuple(shape_bounds(s) for s in shapes),
         emission=np.stack([s.emission.radiance if s.emission else black for s in shapes], axis=1),
         two_sided=np.array([s.emission is not None and s.emission.two_sided for s in shapes]),
         light_shape=light_shape,
-        light_quadric=_own_quadrics(light_shape, quadrics),
+        light_quadric=light_quadric,
+        quadric_light=quadric_light,
+        material_of=np.array([[kind.accepts(s) for kind in materials].index(True) for s in shapes]),
         light_names=names,
         seconds_build=time.perf_counter() - start,
     )

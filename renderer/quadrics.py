@@ -40,12 +40,19 @@ class Quadrics:
     def __len__(self) -> int:
         return self.shape.size
 
-    def closest(self, among: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the quadrics `among`: t (n,), inf for none, and which (n,)."""
+    def closest(
+        self, among: NDArray[np.int64], o: Floats, d: Floats, own: NDArray[np.int64] | None = None
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the quadrics `among`: t (n,), inf for none, and which (n,).
+
+        own: (n,) the quadric that each ray leaves, -1 for none, handled as in `occluded`.
+        """
         n = d.shape[1]
         best, which = np.full(n, np.inf), np.full(n, -1, dtype=np.int64)
         for kind, block in self._blocks(among):
             near, far = self._roots(kind, block, o, d)
+            if own is not None:
+                near, far = self._leave(kind, block, o, d, near, far, own)
             t = np.where(near > 0, near, np.where(far > 0, far, np.inf))
             j = t.argmin(axis=0)
             t = np.take_along_axis(t, j[None], axis=0)[0]
@@ -71,10 +78,7 @@ class Quadrics:
         blocked = np.zeros(d.shape[1], dtype=np.bool_)
         for kind, block in self._blocks(among):
             near, far = self._roots(kind, block, o, d)
-            leaves = block[:, None] == own
-            # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if ahead.
-            near = np.where(leaves, np.inf, near)
-            far = np.where(leaves & ~self._inwards(kind, block, o, d), np.inf, far)
+            near, far = self._leave(kind, block, o, d, near, far, own)
             hit = ((near > 0) & (near < tmax)) | ((far > 0) & (far < tmax))
             blocked |= (hit & (block[:, None] != goal)).any(axis=0)
         return blocked
@@ -96,10 +100,23 @@ class Quadrics:
             for start in range(0, members.size, BLOCK):
                 yield kind, members[start : start + BLOCK]
 
-    def _inwards(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> NDArray[np.bool_]:
-        if kind != SPHERE:
-            return np.zeros((block.size, d.shape[1]), dtype=np.bool_)
-        return dot(o[:, None, :] - self.origin[:, block, None], d[:, None, :]) < 0
+    def _leave(
+        self,
+        kind: int,
+        block: NDArray[np.int64],
+        o: Floats,
+        d: Floats,
+        near: Floats,
+        far: Floats,
+        own: NDArray[np.int64],
+    ) -> tuple[Floats, Floats]:
+        """The roots (b, n) without the surface that the ray leaves, which is met again only by a sphere left inwards."""
+        leaves = block[:, None] == own
+        inwards = np.zeros_like(leaves)
+        if kind == SPHERE:
+            inwards = dot(o[:, None, :] - self.origin[:, block, None], d[:, None, :]) < 0
+        # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if ahead.
+        return np.where(leaves, np.inf, near), np.where(leaves & ~inwards, np.inf, far)
 
     def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
         """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none. Flat quadrics have one."""

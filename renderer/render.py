@@ -54,7 +54,6 @@ class _Pass:
     estimator: Estimator
     sampler: Sampler
     spp: int
-    seed: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,7 @@ def render(
     chosen = ESTIMATORS[estimator]
     _check(built, chosen, spp, seed)
     plan = make_plan(built, prune, keep)
-    work = _Pass(built, plan, chosen, SAMPLERS[sampler], spp, seed)
+    work = _Pass(built, plan, chosen, SAMPLERS[sampler](seed, spp), spp)
     start, cpu = time.perf_counter(), time.process_time()
     chunks = _run(work, threads, rows, progress)
     film, total = _film(built, chunks)
@@ -160,13 +159,13 @@ def _chunk(work: _Pass, pixels: NDArray[np.int64]) -> _Chunk:
 def _samples(work: _Pass, pixel: NDArray[np.int64], sample: NDArray[np.int64]) -> tuple[Floats, Floats, int, RayCounts]:
     """One sample a row: emission seen (3, n), reflected light (3, n), the number of points shaded, the rays traced."""
     scene, plan = work.scene, work.plan
-    d = scene.camera.rays(pixel, work.sampler.uniform(work.seed, pixel, sample, 0, 2))
+    d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, 2))
     hit, direct, rows = _first_hits(scene, plan, d)
     bounced = np.zeros_like(d)
     if not rows.size:
         return direct, bounced, 0, RayCounts(d.shape[1])
     count = work.estimator.dimensions(scene)
-    u = work.sampler.uniform(work.seed, pixel[rows], sample[rows], 2, count)
+    u = work.sampler.uniform(pixel[rows], sample[rows], 2, count)
     light = work.estimator.estimate(scene, plan, hit, u)
     bounced[:, rows] = light.radiance
     return direct, bounced, rows.size, RayCounts(d.shape[1], light.shadow_rays)

@@ -31,3 +31,21 @@ def uniform_sphere(u: Floats) -> Floats:
     sine = 2.0 * np.sqrt(u[0] * (1.0 - u[0]))
     phi = (2 * np.pi) * u[1]
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), z])
+
+
+def cosine_hemisphere(u: Floats) -> Floats:
+    """Unit vectors about +z with pdf cos(theta)/pi: the disk lifted to the hemisphere [pbrt4, sec. A.5.3].
+
+    u: (2, n). Returns (3, n). z is bounded away from 0, where the pdf would vanish.
+    """
+    x, y = concentric_disk(u)
+    z = np.sqrt(np.maximum(1.0 - x * x - y * y, 1e-32))
+    return np.stack([x, y, z])
+
+
+def uniform_hemisphere(u: Floats) -> Floats:
+    """Uniform unit vectors about +z, pdf 1/(2 pi). u: (2, n). Returns (3, n)."""
+    z = 1.0 - u[0]
+    sine = np.sqrt(u[0] * (1.0 + z))
+    phi = (2 * np.pi) * u[1]
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), z])

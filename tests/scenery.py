@@ -76,6 +76,6 @@ def reflect(
     # Any triangle of a flat shape will do: it says how far float32 may have moved the surface.
     own = np.full(m * spp, np.flatnonzero(built.triangles.shape == shape)[0]) if built.triangles else none
     hit = SurfaceHit(p, n, n, np.full(m * spp, shape), own, none)
-    u = SAMPLERS[sampler].uniform(seed, pixel, sample, 2, chosen.dimensions(built))
+    u = SAMPLERS[sampler](seed, spp).uniform(pixel, sample, 2, chosen.dimensions(built))
     samples = chosen.estimate(built, plan, hit, u).radiance.reshape(3, m, spp)
     return samples.mean(axis=2).T, samples.std(axis=2, ddof=1).T / np.sqrt(spp)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, gather
+from renderer.arrays import Floats, combine, dot, frame_about, gather
 from renderer.materials.protocol import MATERIALS
+from renderer.warp import cosine_hemisphere
 from scenes.description import Diffuse, ShapeDescription
 
 
@@ -34,6 +35,15 @@ class DiffuseMaterials:
     def evaluate(self, shape: NDArray[np.integer], n: Floats, wo: Floats, wi: Floats) -> Floats:
         """See `MaterialKind`."""
         return gather(self.value, shape)
+
+    def sample(self, shape: NDArray[np.integer], n: Floats, wo: Floats, u: Floats) -> tuple[Floats, Floats]:
+        """Cosine-weighted, which is the whole of a Lambertian BRDF. See `MaterialKind`."""
+        x, y, z = cosine_hemisphere(u)
+        return combine(frame_about(n), x, y, z), z / np.pi
+
+    def pdf(self, shape: NDArray[np.integer], n: Floats, wo: Floats, wi: Floats) -> Floats:
+        """See `MaterialKind`."""
+        return np.maximum(dot(wi, n), 0.0) / np.pi
 
     def black(self) -> NDArray[np.bool_]:
         """See `MaterialKind`."""

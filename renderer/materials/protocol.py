@@ -31,6 +31,14 @@ class MaterialKind(Protocol):
         """BRDF values (3, n) in 1/sr, without the cosine; n on the side of wo, wi on the side of n."""
         ...
 
+    def sample(self, shape: NDArray[np.integer], n: Floats, wo: Floats, u: Floats) -> tuple[Floats, Floats]:
+        """Directions wi (3, n) as the BRDF would have them, u (2, n) in [0, 1), and their pdf (n,) in 1/sr."""
+        ...
+
+    def pdf(self, shape: NDArray[np.integer], n: Floats, wo: Floats, wi: Floats) -> Floats:
+        """Density (n,) in 1/sr of `sample`, 0 below the horizon."""
+        ...
+
     def black(self) -> NDArray[np.bool_]:
         """(s,): shapes whose material of this kind scatters nothing at all."""
         ...

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
 from renderer.arrays import Floats
@@ -10,17 +13,20 @@ from renderer.samplers.protocol import GOLDEN, SAMPLERS, Integers, key, mix
 SAMPLE_STRIDE = np.uint64(0xD1B54A32D192ED03)  # odd, so that distinct samples have distinct counters
 
 
+@dataclass(frozen=True)
 class Independent:
     """Every number independent of every other: the baseline, whose error falls as 1/sqrt(spp)."""
 
-    name = "independent"
-    title = "independent random numbers"
-    independent = True
-    prefix = True
+    seed: int
+    spp: int
+    name: ClassVar[str] = "independent"
+    title: ClassVar[str] = "independent random numbers"
+    independent: ClassVar[bool] = True
+    prefix: ClassVar[bool] = True
 
-    def uniform(self, seed: int, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
         """See `Sampler`."""
-        state = mix(key(seed, pixel) + sample.astype(np.uint64) * SAMPLE_STRIDE)
+        state = mix(key(self.seed, pixel) + sample.astype(np.uint64) * SAMPLE_STRIDE)
         out = np.zeros((count, pixel.size))
         for i in range(count):
             bits = mix(state + np.uint64(((dim + i + 1) * GOLDEN) & 0xFFFFFFFFFFFFFFFF))
@@ -28,4 +34,4 @@ class Independent:
         return out
 
 
-SAMPLERS.add("independent", Independent())
+SAMPLERS.add("independent", Independent)

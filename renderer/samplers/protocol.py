@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +16,27 @@ UInt64 = NDArray[np.uint64]
 
 @runtime_checkable
 class Sampler(Protocol):
-    """Numbers in [0, 1) for a sample of a pixel, whatever chunk or thread asks for them.
+    """Numbers in [0, 1) for a sample of a pixel, whatever chunk or thread asks for them; made from a seed and the spp.
 
     `independent`: whether samples of a pixel are, so that their spread tells the variance of their mean.
     `prefix`: whether the first n samples of N are what n samples would have been.
     """
 
-    name: str
-    title: str
-    independent: bool
-    prefix: bool
+    name: ClassVar[str]
+    title: ClassVar[str]
+    independent: ClassVar[bool]
+    prefix: ClassVar[bool]
 
-    def uniform(self, seed: int, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def __init__(self, seed: int, spp: int) -> None:
+        """seed: 0 or more. spp: how many samples a pixel gets in all; PenumbraError where the sampler ends below that."""
+        ...
+
+    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
         """(count, n): dimensions dim .. dim + count - 1 of each row. pixel, sample: (n,), sample from 0."""
         ...
 
 
-SAMPLERS: Registry[Sampler] = Registry("sampler", "renderer.samplers")
+SAMPLERS: Registry[type[Sampler]] = Registry("sampler", "renderer.samplers")
 
 GOLDEN = 0x9E3779B97F4A7C15
 

@@ -8,7 +8,9 @@ Prefixes of 2^m samples are (0, m, 2)-nets in the first two and in each later pa
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,22 +71,27 @@ def owen(reversed_points: UInt32, seed: UInt32) -> UInt32:
     return reverse_bits(x)
 
 
+@dataclass(frozen=True)
 class Sobol:
     """Low-discrepancy samples: for smooth integrands the error falls far faster than 1/sqrt(spp)."""
 
-    name = "sobol"
-    title = "Owen-scrambled Sobol points"
-    independent = False
-    prefix = True
+    seed: int
+    spp: int
+    name: ClassVar[str] = "sobol"
+    title: ClassVar[str] = "Owen-scrambled Sobol points"
+    independent: ClassVar[bool] = False
+    prefix: ClassVar[bool] = True
 
-    def uniform(self, seed: int, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def __post_init__(self) -> None:
+        if self.spp > 2**INDEX_BITS:
+            raise PenumbraError(f"the sobol sampler ends at {2**INDEX_BITS} samples a pixel")
+
+    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
         """See `Sampler`; dimensions beyond the table raise ValueError."""
         if dim + count > DIMENSIONS:
             raise ValueError(f"the Sobol table has {DIMENSIONS} dimensions; {dim + count} were asked for")
-        if sample.max(initial=0) >> INDEX_BITS:
-            raise PenumbraError(f"the sobol sampler ends at {2**INDEX_BITS} samples a pixel")
         out = np.zeros((count, pixel.size))
-        keys = key(seed, pixel)
+        keys = key(self.seed, pixel)
         for i in range(count):
             # A different scramble for each pixel and dimension: dimensions stay decorrelated, pixels independent.
             bits = mix(keys + np.uint64(((dim + i + 1) * GOLDEN) & 0xFFFFFFFFFFFFFFFF))
@@ -93,4 +100,4 @@ class Sobol:
         return out
 
 
-SAMPLERS.add("sobol", Sobol())
+SAMPLERS.add("sobol", Sobol)

@@ -1,0 +1,51 @@
+"""`penumbra ladder`: what each estimator makes of a light that comes down on a surface, against a closed form."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pipeline.commands.options import AsJson, Quiet
+
+
+def ladder(
+    light: Annotated[str | None, typer.Option(help="One light only: rectangle, disk or sphere.")] = None,
+    samples: Annotated[int, typer.Option(help="Samples of each rung.")] = 2**15,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Print the contact ladder: mean, error and verdict of each estimator, from the light's size down to 1e-8 of it.
+
+    Examples:
+
+      penumbra ladder
+
+      penumbra ladder --light rectangle --json
+    """
+    from pipeline.commands.console import Speaker
+    from pipeline.ladder import LIGHTS, climb
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    rows = list(climb([light] if light else tuple(LIGHTS), samples, seed))
+    speaker.json([row.model_dump(mode="json") for row in rows])
+    cells = [
+        (
+            r.light,
+            r.geometry,
+            r.estimator,
+            f"{r.h:.0e}",
+            f"{r.truth:.5f}",
+            _estimate(r.verdict, r.mean, r.se),
+            r.verdict,
+            r.reason,
+        )
+        for r in rows
+    ]
+    speaker.table(("light", "geometry", "estimator", "h", "truth", "mean +- se", "verdict", "why"), cells)
+
+
+def _estimate(verdict: str, mean: float, se: float) -> str:
+    """A number only where it may be believed."""
+    return f"{mean:.5f} +- {se:.5f}" if verdict == "ok" else "-"
