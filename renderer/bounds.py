@@ -11,6 +11,8 @@ from scenes.description import Disk, ShapeDescription, Sphere
 
 # Vertices given as decimal text lie in a common plane to some 1e-16 of their coordinates.
 FLAT = 1e-12
+# In units of the largest coordinate of a scene: far above the 1e-16 by which a vertex is rounded, far below any gap meant.
+TOLERANCE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats
-from renderer.bounds import ShapeBounds, shape_bounds
+from renderer.bounds import TOLERANCE, ShapeBounds, shape_bounds
 from renderer.camera import Camera, make_camera
 from renderer.intersect import Triangles, make_triangles
 from renderer.lights.protocol import LIGHTS, LightKind
@@ -26,7 +26,7 @@ class RenderScene:
 
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,).
     light_shape, light_quadric: (K,) which shape and which quadric each light is. quadric_light: its inverse, -1 for none.
-    material_of: (s,) which of the materials each shape has. seconds_build: wall clock.
+    material_of: (s,) which of the materials each shape has. touch: world units; surfaces nearer than this to each other count as touching. seconds_build: wall clock.
     """
 
     description: SceneDescription
@@ -43,6 +43,7 @@ class RenderScene:
     quadric_light: NDArray[np.int64]
     material_of: NDArray[np.int64]
     light_names: tuple[str, ...]
+    touch: float
     seconds_build: float
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
@@ -67,7 +68,7 @@ def build(scene: SceneDescription) -> RenderScene:
     light_quadric = _own_quadrics(light_shape, quadrics)
     quadric_light = np.full(len(quadrics), -1)
     quadric_light[light_quadric] = np.arange(light_quadric.size)
-    materials = _materials(shapes)
+    materials, bounds = _materials(shapes), tuple(shape_bounds(s) for s in shapes)
     return RenderScene(
         description=scene,
         camera=make_camera(scene.camera, scene.film),
@@ -75,7 +76,7 @@ def build(scene: SceneDescription) -> RenderScene:
         quadrics=quadrics,
         lights=lights,
         materials=materials,
-        bounds=tuple(shape_bounds(s) for s in shapes),
+        bounds=bounds,
         emission=np.stack([s.emission.radiance if s.emission else black for s in shapes], axis=1),
         two_sided=np.array([s.emission is not None and s.emission.two_sided for s in shapes]),
         light_shape=light_shape,
@@ -83,8 +84,15 @@ def build(scene: SceneDescription) -> RenderScene:
         quadric_light=quadric_light,
         material_of=np.array([[kind.accepts(s) for kind in materials].index(True) for s in shapes]),
         light_names=names,
+        touch=4 * TOLERANCE * _size(bounds, scene),
         seconds_build=time.perf_counter() - start,
     )
+
+
+def _size(bounds: Sequence[ShapeBounds], scene: SceneDescription) -> float:
+    """The largest coordinate of the scene and its camera: what the rounding of points scales with."""
+    extents = np.array([b.extent(np.eye(3)) for b in bounds])
+    return float(max(np.abs(extents).max(), np.abs(scene.camera.camera_to_world[:3, 3]).max()))
 
 
 def _lights(shapes: Sequence[ShapeDescription]) -> tuple[tuple[LightKind, ...], tuple[str, ...]]:

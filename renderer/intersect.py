@@ -22,12 +22,15 @@ ULP = 2.0**-24  # half a unit in the last place of a float32 in [1, 2), relative
 # A corner moves by one ULP of its coordinates, the plane's distance is the sum of three products of such differences,
 # and the origin itself is rounded: twelve roundings in all, of up to sqrt(3) each for the diagonal.
 ROUNDINGS = 24.0
+SLENDER = 100.0  # length over height of the slimmest triangle that the bound is good for
 FAR = 4.0  # in Embree's units, where the scene spans [-1, 1]: rays from farther away are started nearer
 
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
     """v0, normal: (3, t) float64, world space; shape: (t,); bound: (t,) size that float32 rounding scales with.
+
+    largest: the largest of these bounds but for slivers.
 
     center: (3, 1) and scale map world space to Embree's.
     """
@@ -36,6 +39,7 @@ class Triangles:
     normal: Floats
     shape: NDArray[np.int64]
     bound: Floats
+    largest: float
     center: Floats
     scale: float
     mesh: tuple[NDArray[np.float32], NDArray[np.int32]]  # what Embree was given
@@ -66,25 +70,27 @@ class Triangles:
         found = (index >= 0) & (t > 0)
         return np.where(found, t, np.inf), np.where(found, index, -1)
 
-    def occluded(
-        self, p: Floats, n: Floats, triangle: NDArray[np.int64], wi: Floats, dist: Floats
-    ) -> NDArray[np.bool_]:
-        """(n,): whether a triangle lies between p and p + dist wi. triangle: (n,) the one that p lies on, -1 for none."""
-        offset = self.offset(p, triangle)
-        start = (p + n * offset - self.center) * self.scale
-        # Shortened by what rounding may add, so that what the light itself touches does not hide it.
-        reach = dist * (self.scale * (1.0 - 8 * ULP))
+    def occluded(self, p: Floats, n: Floats, triangle: NDArray[np.int64], y: Floats, ny: Floats) -> NDArray[np.bool_]:
+        """(n,): whether a triangle lies between points p and points y on lights.
+
+        n: (3, n) the normals at p. ny: (3, n) or (3, 1), the lights' normals at y, on the side of p. triangle: (n,) the
+        one that p lies on, -1 for none. Both ends are lifted off their surfaces, so that neither p's own triangle nor
+        what touches the light from behind lies in between; what is nearer than that to either is not seen.
+        """
+        own = np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
+        start = self._lifted(p, n, own)
+        way = self._lifted(y, ny, self.largest) - start
+        reach = np.ones(p.shape[1], dtype=np.float32)
         out: NDArray[np.int32] = self.bvh.run(
-            start.astype(np.float32).T, wi.astype(np.float32).T, dists=reach.astype(np.float32), query="OCCLUDED"
+            start.astype(np.float32).T, way.astype(np.float32).T, dists=reach, query="OCCLUDED"
         )
         return out == 0
 
-    def offset(self, p: Floats, triangle: NDArray[np.int64]) -> Floats:
-        """(n,) how far along its normal a shadow ray starts, world units [waechter2019 does the same in units of ulp]."""
+    def _lifted(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
+        """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of ulp."""
         q = np.abs(p - self.center)
-        size = np.maximum(np.maximum(q[0], q[1]), q[2])
-        size += np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
-        return size * (ROUNDINGS * ULP)
+        size = np.maximum(np.maximum(q[0], q[1]), q[2]) + bound
+        return (p + n * (size * (ROUNDINGS * ULP)) - self.center) * self.scale
 
 
 def make_triangles(
@@ -98,10 +104,24 @@ def make_triangles(
     corners = vertices[faces]  # (t, 3, 3)
     normal = normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).T)
     normal = np.where(np.isfinite(normal), normal, 0.0) * np.where(reverse, -1.0, 1.0)
-    bound = (corners.max(axis=1) - corners.min(axis=1)).max(axis=1) + np.abs(corners - center).max(axis=(1, 2))
+    bound = _bounds(corners, center)
+    largest = float(np.abs(vertices - center).max() + np.ptp(corners, axis=1).max())
     mesh = (((vertices - center) * scale).astype(np.float32), faces.astype(np.int32))
     first = np.ascontiguousarray(corners[:, 0].T)
-    return Triangles(first, normal, shape, bound, center[:, None], scale, mesh, _bvh(*mesh))
+    return Triangles(first, normal, shape, bound, largest, center[:, None], scale, mesh, _bvh(*mesh))
+
+
+def _bounds(corners: Floats, center: Floats) -> Floats:
+    """(t,) what rounding scales with: a triangle's distance from the centre, and its size times its slenderness.
+
+    The normal that Embree computes is off by an angle of ULP times length over height, and the plane by that angle over
+    the length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays off it would leak light.
+    """
+    edges = corners[:, [1, 2, 0]] - corners
+    square = (edges * edges).sum(axis=2).max(axis=1)
+    double = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    slender = np.minimum(np.divide(square, double, out=np.full_like(double, SLENDER), where=double > 0), SLENDER)
+    return np.sqrt(square) * slender + np.abs(corners - center).max(axis=(1, 2))
 
 
 def _bvh(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> EmbreeScene:

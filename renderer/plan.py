@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats
+from renderer.bounds import TOLERANCE
 from renderer.build import RenderScene
 from renderer.intersect import Triangles
 
 PRUNINGS = ("emission", "reach", "occlusion", "blockers", "horizon")
-# Rounding of a vertex is some 1e-16 of its coordinates; shadow rays start 1e-6 off. This lies far from both.
-TOLERANCE = 1e-11
 LARGEST_PROOF = 20_000_000  # entries of the (planes, shapes, shapes) table, beyond which nothing is proved
 
 Bools = NDArray[np.bool_]

@@ -66,20 +66,22 @@ class Quadrics:
         among: NDArray[np.int64],
         o: Floats,
         d: Floats,
+        tmin: Floats,
         tmax: Floats,
         own: NDArray[np.int64],
         goal: NDArray[np.int64],
     ) -> NDArray[np.bool_]:
-        """(n,): whether a quadric of `among` lies on the ray before tmax (n,).
+        """(n,): whether a quadric of `among` lies on the ray between tmin and tmax, each (n,).
 
         own, goal: (n,) the quadrics that the ray leaves and goes to, -1 for none. The goal never blocks; what the ray
-        leaves blocks only as a sphere left inwards. Both are known by id, so that no distance needs a tolerance.
+        leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance; tmin and tmax are there for
+        other quadrics that touch either of them.
         """
         blocked = np.zeros(d.shape[1], dtype=np.bool_)
         for kind, block in self._blocks(among):
             near, far = self._roots(kind, block, o, d)
             near, far = self._leave(kind, block, o, d, near, far, own)
-            hit = ((near > 0) & (near < tmax)) | ((far > 0) & (far < tmax))
+            hit = ((near > tmin) & (near < tmax)) | ((far > tmin) & (far < tmax))
             blocked |= (hit & (block[:, None] != goal)).any(axis=0)
         return blocked
 

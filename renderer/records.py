@@ -29,13 +29,14 @@ class SurfaceHit:
 
 @dataclass(frozen=True, eq=False)
 class LightSample:
-    """Directions to light. wi: (3, n) unit. dist: (n,). radiance: (3, n) or (3, 1), Le towards the reference point.
+    """Directions to light. wi: (3, n) unit. dist: (n,). normal: (3, n) or (3, 1) unit, the light's, either side. radiance: (3, n) or (3, 1), Le towards the reference point.
 
     pdf: (n,) 1/sr. valid: (n,) bool; where it is False the other fields are meaningless and the sample counts as zero.
     """
 
     wi: Floats
     dist: Floats
+    normal: Floats
     radiance: Floats
     pdf: Floats
     valid: NDArray[np.bool_]

@@ -176,7 +176,7 @@ def _first_hits(scene: RenderScene, plan: RenderPlan, d: Floats) -> tuple[Surfac
     o = scene.camera.origin
     t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), None)
     near, quadric = scene.quadrics.closest(plan.in_view, o, d)
-    curved = near < t
+    curved = near < t + scene.touch  # a lamp or a mat in the plane of a triangle lies on it, whatever rounding says
     t = np.where(curved, near, t)
     quadric = np.where(curved, quadric, -1)
     shape = (

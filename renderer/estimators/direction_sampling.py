@@ -45,14 +45,15 @@ class DirectionSampling:
         if hit.p.shape[1] == 0:
             return Reflected(np.zeros((3, 0)), 0)
         wi, pdf = self.rule(scene, hit, u)
-        light, dist, le = light_along(scene, hit, wi)
+        seen, le = light_along(scene, hit, wi)
+        light = seen.light
         cosine = dot(wi, hit.n)
         useful = (light >= 0) & (cosine > 0) & le.any(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             radiance = np.where(useful, scatter(scene, hit, wi) * (le * (cosine / pdf)), 0.0)
         rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), np.maximum(light, 0)])
         if rows.size:
-            radiance[:, rows[hidden(scene, plan, hit, wi, dist, light, rows)]] = 0.0
+            radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
         return Reflected(radiance, rows.size)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from renderer.arrays import Floats, dot
 from renderer.build import RenderScene
 from renderer.estimators.protocol import Reflected
-from renderer.estimators.shading import choose_light, hidden, sample_light, scatter, without
+from renderer.estimators.shading import Seen, choose_light, hidden, sample_light, scatter, without
 from renderer.plan import RenderPlan
 from renderer.records import SurfaceHit
 from scenes.description import SceneDescription
@@ -49,5 +49,6 @@ class LightSampling:
         radiance = np.where(useful, radiance, 0.0)
         rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), light])
         if rows.size:
-            radiance[:, rows[hidden(scene, plan, hit, sample.wi, sample.dist, light, rows)]] = 0.0
+            seen = Seen(light, sample.wi, sample.dist, sample.normal)
+            radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
         return Reflected(radiance, rows.size)

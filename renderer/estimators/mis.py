@@ -15,6 +15,7 @@ from renderer.build import RenderScene
 from renderer.estimators.direction_sampling import brdf
 from renderer.estimators.protocol import ESTIMATORS, Reflected
 from renderer.estimators.shading import (
+    Seen,
     best_technique,
     choose_light,
     hidden,
@@ -65,12 +66,14 @@ class MultipleImportance:
             radiance = np.where(useful, scatter(scene, hit, sample.wi) * (sample.radiance * weight), 0.0)
         rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), light])
         if rows.size:
-            radiance[:, rows[hidden(scene, plan, hit, sample.wi, sample.dist, light, rows)]] = 0.0
+            seen = Seen(light, sample.wi, sample.dist, sample.normal)
+            radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
         return Reflected(radiance, rows.size)
 
     def _brdf(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
         wi, own = brdf(scene, hit, u)
-        light, dist, le = light_along(scene, hit, wi)
+        seen, le = light_along(scene, hit, wi)
+        light = seen.light
         cosine = dot(wi, hit.n)
         useful = (light >= 0) & (cosine > 0) & (own > 0) & le.any(axis=0)
         samplers = [best_technique(kind) for kind in scene.lights]
@@ -80,7 +83,7 @@ class MultipleImportance:
             radiance = np.where(useful, scatter(scene, hit, wi) * (le * weight), 0.0)
         rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), np.maximum(light, 0)])
         if rows.size:
-            radiance[:, rows[hidden(scene, plan, hit, wi, dist, light, rows)]] = 0.0
+            radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
         return Reflected(radiance, rows.size)
 
     def _weight(self, own: Floats, other: Floats) -> Floats:

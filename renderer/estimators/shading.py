@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, dot
+from renderer.arrays import Floats, dot, gather
 from renderer.build import RenderScene
 from renderer.lights.protocol import LIGHTS, DirectionSampler, LightKind
 from renderer.plan import RenderPlan
@@ -59,14 +60,15 @@ def sample_light(
     if len(samplers) == 1:
         return samplers[0].sample_direction(light, hit.p, hit.n, u)
     n = light.size
-    wi, dist, radiance = np.zeros((3, n)), np.zeros(n), np.zeros((3, n))
+    wi, dist, facing, radiance = np.zeros((3, n)), np.zeros(n), np.zeros((3, n)), np.zeros((3, n))
     pdf, valid = np.ones(n), np.zeros(n, dtype=np.bool_)
     for first, rows, sampler in _dealt(scene, samplers, light):
         p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
         part = sampler.sample_direction(light[rows] - first, p, normal, u.take(rows, axis=1))
-        wi[:, rows], dist[rows], radiance[:, rows] = part.wi, part.dist, part.radiance
+        wi[:, rows], dist[rows], facing[:, rows] = part.wi, part.dist, part.normal
+        radiance[:, rows] = part.radiance
         pdf[rows], valid[rows] = part.pdf, part.valid
-    return LightSample(wi, dist, radiance, pdf, valid)
+    return LightSample(wi, dist, facing, radiance, pdf, valid)
 
 
 def light_pdf(
@@ -93,36 +95,47 @@ def _dealt(
         first += count
 
 
-def hidden(
-    scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, wi: Floats, dist: Floats, light: Integers, rows: Integers
-) -> NDArray[np.bool_]:
-    """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and their lights.
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a ray wi (3, n) would meet: which light (n,), at what distance (n,), and its normal there (3, n) or (3, 1)."""
 
-    wi: (3, n). dist: (n,) to the light (n,).
-    """
-    p, n, along = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1), wi.take(rows, axis=1)
+    light: Integers
+    wi: Floats
+    dist: Floats
+    normal: Floats
+
+
+def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, rows: Integers) -> NDArray[np.bool_]:
+    """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and what they would see."""
+    p, n, wi = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1), seen.wi.take(rows, axis=1)
+    dist, ny = seen.dist[rows], gather(seen.normal, rows)
+    cos_light = dot(wi, ny)
+    ny = np.where(cos_light > 0, -ny, ny)  # on the side of p
     out = np.zeros(rows.size, dtype=np.bool_)
     if plan.shadow_triangles is not None:
-        out |= plan.shadow_triangles.occluded(p, n, hit.triangle[rows], along, dist[rows])
+        out |= plan.shadow_triangles.occluded(p, n, hit.triangle[rows], p + wi * dist, ny)
     if plan.shadow_quadrics.size:
-        goal = scene.light_quadric[light[rows]]
-        out |= scene.quadrics.occluded(plan.shadow_quadrics, p, along, dist[rows], hit.quadric[rows], goal)
+        # What lies within `touch` of the plane of either end counts as part of it, as it does in the plan's proofs.
+        with np.errstate(divide="ignore"):
+            tmin, tmax = scene.touch / np.abs(dot(wi, n)), dist - scene.touch / np.abs(cos_light)
+        own, goal = hit.quadric[rows], scene.light_quadric[seen.light[rows]]
+        out |= scene.quadrics.occluded(plan.shadow_quadrics, p, wi, tmin, tmax, own, goal)
     return out
 
 
-def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Integers, Floats, Floats]:
-    """The light that each point sees first along wi (3, n) if nothing but lights were there.
+def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, Floats]:
+    """The light that each point sees first along wi (3, n) if nothing but lights were there, and its Le (3, n).
 
-    Returns which (n,), -1 for none, its distance (n,), inf for none, and Le (3, n) towards the point.
+    The light is -1 and its distance inf where there is none.
     """
     t, quadric = scene.quadrics.closest(scene.light_quadric, hit.p, wi, hit.quadric)
     met = np.flatnonzero(quadric >= 0)
-    light, radiance = np.full(t.size, -1), np.zeros_like(wi)
+    light, radiance, normal = np.full_like(quadric, -1), np.zeros_like(wi), np.zeros_like(wi)
     if met.size:
         own, along = quadric[met], wi.take(met, axis=1)
-        _, normal = scene.quadrics.surface(own, hit.p.take(met, axis=1) + along * t[met])
+        _, facing = scene.quadrics.surface(own, hit.p.take(met, axis=1) + along * t[met])
         shape = scene.quadrics.shape[own]
-        front = (dot(along, normal) < 0) | scene.two_sided[shape]
-        light[met] = scene.quadric_light[own]
+        front = (dot(along, facing) < 0) | scene.two_sided[shape]
+        light[met], normal[:, met] = scene.quadric_light[own], facing
         radiance[:, met] = np.where(front, scene.emission.take(shape, axis=1), 0.0)
-    return light, t, radiance
+    return Seen(light, wi, t, normal), radiance

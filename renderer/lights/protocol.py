@@ -164,7 +164,7 @@ class AreaSampling:
             cos_light = -dot(wi, ny)
             pdf = d2 / (np.abs(cos_light) * gather(self.surface.area, index))
         valid = self.surface.emits(index, ref_p, cos_light) & (pdf > 0) & (pdf < np.inf)
-        return LightSample(wi, dist, gather(self.surface.emitters.radiance, index), pdf, valid)
+        return LightSample(wi, dist, ny, gather(self.surface.emitters.radiance, index), pdf, valid)
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
         """See `DirectionSampler`."""

@@ -142,7 +142,8 @@ class SphereSolidAngle:
         dist = along - _sign(outside) * root
         emits = li.emitters.emits(index, _sign(outside) * gather(li.side, index))
         pdf = 1.0 / (2 * np.pi * opening)
-        return LightSample(wi, dist, gather(li.emitters.radiance, index), pdf, emits & (dist > 0))
+        normal = (wi * dist - axis * center_dist) / r
+        return LightSample(wi, dist, normal, gather(li.emitters.radiance, index), pdf, emits & (dist > 0))
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
         """See `DirectionSampler`."""

@@ -1,9 +1,10 @@
-"""The Sobol sequence, Owen-scrambled for each pixel and dimension.
+"""The first two Sobol dimensions, Owen-scrambled and shuffled anew for each pixel and each pair of dimensions.
 
-Direction numbers are SciPy's [joe2008]. The scramble is a hash after [laine2011] as [burley2020, sec. 3] uses it, with the
-constants of [vegdahl2021]: a bit of the reversed integer is flipped by a function of the bits below it alone, which is a
-nested uniform scramble.
-Prefixes of 2^m samples are (0, m, 2)-nets in the first two and in each later pair of dimensions that the table makes so.
+The (0, 2)-sequence of the first two dimensions is the best there is in two; higher Sobol pairs are not nets at the
+sample counts of rendering. So every pair of dimensions uses it, with an order of its own: a nested uniform shuffle of the
+index, which maps each aligned block of 2^m samples to another such block, decorrelates the pairs and keeps every prefix
+of 2^m samples a net [burley2020, sec. 5]. Scramble and shuffle are one hash after [laine2011], with the constants of
+[vegdahl2021]: a bit of the reversed integer is flipped by a function of the bits below it alone.
 """
 
 from __future__ import annotations
@@ -14,43 +15,36 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc  # pyright: ignore[reportMissingTypeStubs]
 
 from renderer.arrays import Floats
-from renderer.samplers.protocol import GOLDEN, SAMPLERS, Integers, key, mix
-from scenes.errors import PenumbraError
+from renderer.samplers.protocol import GOLDEN, SAMPLERS, Integers, UInt64, key, mix
 
 BITS = 32
-DIMENSIONS = 16
-INDEX_BITS = 20  # samples a pixel at most 2^20
 UInt32 = NDArray[np.uint32]
 
 
 @cache
-def directions() -> UInt32:
-    """Direction numbers (DIMENSIONS, INDEX_BITS): row d, column j is the point of index 2^j, as a 32-bit fraction.
+def second_dimension() -> UInt32:
+    """Points of the second dimension by byte of the index, (4, 256) 32-bit fractions; XOR over bytes gives any point.
 
-    SciPy walks the sequence in Gray-code order: its point 2^j is v_j ^ v_(j-1), so a running XOR gives v_j back.
+    Its direction numbers are rows of Pascal's triangle modulo 2 [joe2008 gives the same]: v_0 = 1/2, and each next one is
+    the last XOR the last shifted by one.
     """
-    engine = qmc.Sobol(DIMENSIONS, scramble=False, bits=BITS)
-    rows: list[NDArray[np.uint64]] = []
-    position = 0
-    for j in range(INDEX_BITS):
-        engine.fast_forward(2**j - position)
-        rows.append((engine.random(1)[0] * 2.0**BITS).astype(np.uint64))
-        position = 2**j + 1
-    gray = np.array(rows).astype(np.uint32).T
-    return np.bitwise_xor.accumulate(gray, axis=1)
+    vectors = [1 << 31]
+    for _ in range(BITS - 1):
+        vectors.append(vectors[-1] ^ (vectors[-1] >> 1))
+    bits = (np.arange(256)[:, None] >> np.arange(8)) & 1
+    parts = np.array(vectors, dtype=np.uint32).reshape(4, 1, 8) * bits.astype(np.uint32)
+    return np.bitwise_xor.reduce(parts, axis=2)
 
 
-def points(sample: Integers, dim: int) -> UInt32:
-    """Unscrambled points (n,) of one dimension, in natural order, as 32-bit fractions."""
-    out = np.zeros(sample.shape, dtype=np.uint32)
-    vectors = directions()[dim]
-    for j in range(int(sample.max(initial=0)).bit_length()):
-        bit = ((sample >> j) & 1).astype(np.uint32)
-        out ^= bit * vectors[j]
-    return out
+def points(index: UInt32) -> tuple[UInt32, UInt32]:
+    """Both coordinates (n,) of unscrambled points, as 32-bit fractions: van der Corput, and `second_dimension`."""
+    table = second_dimension()
+    second = table[0].take(index & np.uint32(255))
+    for byte in (1, 2, 3):
+        second ^= table[byte].take((index >> np.uint32(8 * byte)) & np.uint32(255))
+    return reverse_bits(index), second
 
 
 def reverse_bits(x: UInt32) -> UInt32:
@@ -62,7 +56,7 @@ def reverse_bits(x: UInt32) -> UInt32:
 
 
 def owen(reversed_points: UInt32, seed: UInt32) -> UInt32:
-    """Scrambled fractions (n,) from bit-reversed points and a seed for each row."""
+    """Scrambled numbers (n,) from bit-reversed ones and a seed for each row: points as fractions, or indices."""
     x = reversed_points ^ (reversed_points * np.uint32(0x3D20ADEA))
     x += seed
     x *= (seed >> np.uint32(16)) | np.uint32(1)
@@ -82,22 +76,24 @@ class Sobol:
     independent: ClassVar[bool] = False
     prefix: ClassVar[bool] = True
 
-    def __post_init__(self) -> None:
-        if self.spp > 2**INDEX_BITS:
-            raise PenumbraError(f"the sobol sampler ends at {2**INDEX_BITS} samples a pixel")
-
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
-        """See `Sampler`; dimensions beyond the table raise ValueError."""
-        if dim + count > DIMENSIONS:
-            raise ValueError(f"the Sobol table has {DIMENSIONS} dimensions; {dim + count} were asked for")
+        """See `Sampler`."""
         out = np.zeros((count, pixel.size))
         keys = key(self.seed, pixel)
-        for i in range(count):
-            # A different scramble for each pixel and dimension: dimensions stay decorrelated, pixels independent.
-            bits = mix(keys + np.uint64(((dim + i + 1) * GOLDEN) & 0xFFFFFFFFFFFFFFFF))
-            scrambled = owen(reverse_bits(points(sample, dim + i)), (bits >> np.uint64(32)).astype(np.uint32))
-            np.multiply(scrambled, 2.0**-BITS, out=out[i])
+        for pair in range(dim // 2, (dim + count - 1) // 2 + 1 if count else 0):
+            state = mix(keys + np.uint64(((pair + 1) * GOLDEN) & 0xFFFFFFFFFFFFFFFF))
+            order, *scrambles = (half for word in (state, mix(state)) for half in _halves(word))
+            both = points(owen(reverse_bits(sample.astype(np.uint32)), order))
+            for axis in (0, 1):
+                row = 2 * pair + axis - dim
+                if 0 <= row < count:
+                    np.multiply(owen(reverse_bits(both[axis]), scrambles[axis]), 2.0**-BITS, out=out[row])
         return out
+
+
+def _halves(word: UInt64) -> tuple[UInt32, UInt32]:
+    """The two 32-bit numbers of each 64-bit one."""
+    return (word >> np.uint64(BITS)).astype(np.uint32), word.astype(np.uint32)
 
 
 SAMPLERS.add("sobol", Sobol)

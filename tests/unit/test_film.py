@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.film import BLOCK, PixelSums, keep_largest, luminance
+from renderer.film import BLOCK, Film, PixelSums, keep_largest, luminance
 
 
 def test_blocks_merge_to_the_moments_of_all_samples():
@@ -38,3 +38,15 @@ def test_the_largest_do_not_depend_on_how_they_were_cut():
     values = np.random.default_rng(2).pareto(1.0, 10_000)
     pieces = [keep_largest(part, 50) for part in np.array_split(values, 7)]
     assert np.array_equal(keep_largest(np.concatenate(pieces), 50), np.sort(values)[::-1][:50])
+
+
+def test_the_variance_is_that_of_the_mean():
+    samples = np.random.default_rng(3).lognormal(size=(3, 40, 5))
+    sums = PixelSums(5)
+    for first in range(0, 40, BLOCK):
+        part = np.ascontiguousarray(samples[:, first : first + BLOCK])
+        sums.add(part, part)
+    film = Film(np.full((1, 5), 40), sums.mean.T[None], sums.m2.T[None], sums.maximum.T[None])
+    np.testing.assert_allclose(film.variance_of_mean()[0].T, samples.var(axis=1, ddof=1) / 40, rtol=1e-12)
+    single = Film(np.full((1, 1), 1), np.ones((1, 1, 3)), np.zeros((1, 1, 3)), np.ones((1, 1, 3)))
+    assert np.isnan(single.variance_of_mean()).all()

@@ -10,8 +10,8 @@ from renderer import build, render
 from renderer.estimators.protocol import ESTIMATORS
 from renderer.plan import PRUNINGS, make_plan
 from renderer.render import RenderResult
-from scenes.description import Disk, Sphere
-from tests.scenery import floor, light, patch, scene
+from scenes.description import BilinearMesh, Disk, ShapeDescription, Sphere
+from tests.scenery import GRAY, floor, light, patch, scene
 
 SMALL = {"xresolution": 48, "yresolution": 36}
 LIBRARY = [entry.name for entry in scenes.library()]
@@ -53,32 +53,61 @@ def test_bits_do_not_depend_on_chunks_or_threads(name):
     )
 
 
+def random_shape(rng: np.random.Generator):
+    """A patch, a patch of two, a sphere or a disk, half of them aligned with the axes, half emitting, some two-sided."""
+    c, x = rng.uniform(-2, 2, 3), rng.normal(size=3)
+    y = np.cross(x, rng.normal(size=3))
+    if rng.random() < 0.5:  # the planes that the plan reasons with, and coordinates that coincide
+        axis = int(rng.integers(3))
+        c, x, y = np.round(c), np.eye(3)[axis], np.eye(3)[(axis + int(rng.integers(1, 3))) % 3] * rng.choice([-1, 1])
+    emits = tuple(rng.uniform(0.5, 3, 3)) if rng.random() < 0.4 else None
+    two_sided, kind = bool(rng.random() < 0.3), int(rng.integers(4))
+    if kind == 0:
+        return patch(c, x, y, emits, two_sided, bool(rng.random() < 0.5))
+    if kind == 1:  # two patches at a right angle, or an angle at all
+        z = np.cross(x, y)
+        p = np.stack([c, c + x, c + y, c + x + y, c, c + z, c + y, c + z + y])
+        mesh = BilinearMesh(p, np.array([[0, 1, 2, 3], [4, 5, 6, 7]]))
+        return light(mesh, emits, two_sided) if emits else ShapeDescription(mesh, GRAY)
+    geometry = Sphere(c, 0.5, bool(rng.random() < 0.2)) if kind == 2 else Disk(c, x / np.linalg.norm(x), 0.7)
+    return light(geometry, emits, two_sided) if emits else ShapeDescription(geometry, GRAY)
+
+
 def random_scene(seed: int):
-    """A floor, walls, tilted patches, spheres and disks, with one to three lights anywhere: behind, in, across everything."""
+    """Anything anywhere, in any order, often touching: behind lights, in their planes, across every horizon."""
     rng = np.random.default_rng(seed)
-    shapes = [floor(3.0)] if seed % 3 else []
-    for _ in range(rng.integers(1, 5)):
-        c, x = rng.uniform(-2, 2, 3), rng.normal(size=3)
-        y = np.cross(x, rng.normal(size=3))
-        if rng.random() < 0.5:  # aligned with the axes: the planes that the plan reasons with
-            c, x, y = np.round(c), np.eye(3)[rng.integers(3)], np.eye(3)[rng.integers(3)]
-            y = np.roll(x, 1) * rng.choice([-1, 1]) if (x == y).all() else y
-        kind = rng.integers(3)
-        emits = (3.0, 2.0, 1.0) if rng.random() < 0.5 else None
-        if kind == 0:
-            shapes.append(patch(c, x, y, emits, two_sided=bool(rng.random() < 0.3), reverse=bool(rng.random() < 0.5)))
-        else:
-            geometry = Sphere(c, 0.5, bool(rng.random() < 0.2)) if kind == 1 else Disk(c, x / np.linalg.norm(x), 0.7)
-            shapes.append(light(geometry, emits or (0.0, 0.0, 0.0), bool(rng.random() < 0.3)))
-    shapes.append(patch([-0.5, 2.5, -0.5], [1, 0, 0], [0, 0, 1], (1.0, 1.0, 1.0)))
-    return scene(shapes, eye=rng.uniform([-4, -2, -4], [4, 6, 4]), target=(0, 0.5, 0), width=24, height=18)
+    shapes = [random_shape(rng) for _ in range(rng.integers(2, 6))]
+    shapes += [floor(3.0, material=GRAY)] if seed % 2 else []
+    lamp = patch([-0.5, 2.5, -0.5], [1, 0, 0], [0, 0, 1], (1.0, 1.0, 1.0), two_sided=seed % 5 == 0)
+    shapes += (
+        [lamp] if seed % 4 else [lamp, ShapeDescription(Disk(np.array([0, 2.5, 0]), np.array([0, 1.0, 0]), 0.9), GRAY)]
+    )
+    order = rng.permutation(len(shapes))
+    eye = rng.uniform([-4, -2, -4], [4, 6, 4])
+    return scene([shapes[i] for i in order], eye=eye, target=(0, 0.5, 0), width=24, height=18)
 
 
-@pytest.mark.parametrize("seed", range(60))
+SEEDS = range(120)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_no_bit_changes_in_scenes_made_at_random(seed):
     """Catches a proof that is not sound: a wrong side, a touching case, a blocker dropped too many."""
     built = build(random_scene(seed))
     assert same_bits(render(built, spp=4), render(built, spp=4, prune=False))
+
+
+def test_the_random_scenes_are_worth_the_name():
+    """Most have light, most of those have shade, and shade comes from shapes of any number, the first one too."""
+    lit = shaded = first = 0
+    for seed in SEEDS:
+        built = build(random_scene(seed))
+        plan = make_plan(built)
+        result = render(built, spp=1)
+        lit += result.reflected_sum > 0
+        shaded += result.rays.shadow > 0
+        first += 0 in built.quadrics.shape[plan.shadow_quadrics]
+    assert lit > 90 and shaded > 75 and first > 30, (lit, shaded, first)
 
 
 def test_what_can_be_left_out_is_left_out():

@@ -64,16 +64,18 @@ def test_a_sphere_never_shades_what_leaves_it_outwards():
     for radius in (1e-6, 1.0, 1e6):
         q = sphere(0, np.array([1e3, 0, 0]), radius, False)
         p = n * radius + np.array([[1e3], [0], [0]])
-        far = np.full(2000, 1e9)
-        assert not q.occluded(ALL, p, d, far, np.zeros(2000, dtype=np.int64), none(2000)).any()
-        inwards = q.occluded(ALL, p, -d, far, np.zeros(2000, dtype=np.int64), none(2000))
+        near, far = np.zeros(2000), np.full(2000, 1e9)
+        assert not q.occluded(ALL, p, d, near, far, np.zeros(2000, dtype=np.int64), none(2000)).any()
+        inwards = q.occluded(ALL, p, -d, near, far, np.zeros(2000, dtype=np.int64), none(2000))
         assert inwards[(n * d).sum(axis=0) > 1e-6].all()
 
 
 def test_the_goal_never_blocks_and_what_is_beyond_it_does_not_either():
     o, d = rays(([0, 0, -3], [0, 0, 1]), ([0, 0, -3], [0, 0, 1]), ([0, 0, -3], [0, 0, 1]))
-    blocked = UNIT.occluded(ALL, o, d, np.array([5.0, 5.0, 1.9]), none(3), np.array([-1, 0, -1]))
+    blocked = UNIT.occluded(ALL, o, d, np.zeros(3), np.array([5.0, 5.0, 1.9]), none(3), np.array([-1, 0, -1]))
     assert blocked.tolist() == [True, False, False]
+    behind = UNIT.occluded(ALL, o, d, np.full(3, 4.1), np.full(3, 5.0), none(3), none(3))
+    assert not behind.any()
 
 
 def test_no_quadrics_are_no_trouble():
