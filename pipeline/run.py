@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import TypeVar
 
@@ -101,11 +102,17 @@ def _score_key(plan: StudyPlan, cell: Cell) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
+METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator")
+
+
 @cache
 def metrics_fingerprint() -> str:
-    """SHA-256 over the sources of the metrics and their statistics: a changed formula scores anew and renders nothing."""
+    """SHA-256 over the sources of the metrics and their statistics, and the versions of the libraries behind them.
+
+    A changed formula or library scores anew and renders nothing.
+    """
     here = Path(__file__).parent
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(repr([(name, version(name)) for name in METRIC_LIBRARIES]).encode())
     for path in sorted([*(here / "metrics").glob("*.py"), *(here / "statistics").glob("*.py"), here / "scoring.py"]):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()

@@ -42,7 +42,7 @@ def combine(frame: tuple[Floats, Floats, Floats], x: Floats, y: Floats, z: Float
 
 
 def frame_about(z: Floats) -> tuple[Floats, Floats, Floats]:
-    """An orthonormal frame about unit vectors z (3, n), continuous but at z.z = 0 [duff2017, listing 3]."""
+    """An orthonormal frame about unit vectors z (3, n), continuous but at z.z = 0 [duff2017]."""
     sign = np.copysign(1.0, z[2])
     a = -1.0 / (sign + z[2])
     b = z[0] * z[1] * a

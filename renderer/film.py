@@ -1,7 +1,7 @@
 """The film: count, mean, M2 and maximum of each pixel, mergeable, the same bits however the work is cut.
 
 Samples of a pixel are reduced in fixed blocks of 16 in sample order, and the blocks merged in order with the
-pairwise update of [chan1983, eq. 2.1]; a pixel's numbers then depend on its own samples and on nothing else.
+pairwise update of [chan1983]; a pixel's numbers then depend on its own samples and on nothing else.
 """
 
 from __future__ import annotations

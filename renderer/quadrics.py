@@ -140,7 +140,7 @@ class Quadrics:
 
 
 def _sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats, Floats]:
-    """Both roots of |t d - c| = r for unit d, without cancellation [haines2019, sec. 7.1.2]. A miss gives -inf."""
+    """Both roots of |t d - c| = r for unit d, without cancellation [haines2019]. A miss gives -inf."""
     along = dot(to_center, d)
     off = to_center - d * along
     half = radius * radius - dot(off, off)

@@ -34,7 +34,7 @@ def uniform_sphere(u: Floats) -> Floats:
 
 
 def cosine_hemisphere(u: Floats) -> Floats:
-    """Unit vectors about +z with pdf cos(theta)/pi: the disk lifted to the hemisphere [pbrt4, sec. A.5.3].
+    """Unit vectors about +z with pdf cos(theta)/pi: the disk lifted to the hemisphere [pharr2023, sec. A.5.3].
 
     u: (2, n). Returns (3, n). z is bounded away from 0, where the pdf would vanish.
     """

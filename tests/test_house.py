@@ -37,7 +37,7 @@ ONE_FILE = {
 }
 FILE_LINES = 300
 FUNCTION_LINES = 40
-CITATION = re.compile(r"\[([a-z]+\d{4,5}[a-z]?)\b[^\[\]]*\]")  # [urena2013] or [urena2013, eq. 7]
+CITATION = re.compile(r"\[([a-z]{2,}\d{1,5}[a-z]?)\b(?:,[^\[\]]*| [^\[\]]*)?\]")  # [urena2013] or [urena2013, eq. 7]
 WITHOUT_STATE = {"default_rng", "Generator", "SeedSequence", "BitGenerator", "PCG64", "PCG64DXSM", "Philox", "SFC64"}
 
 

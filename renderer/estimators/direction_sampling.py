@@ -1,7 +1,7 @@
 """The hemisphere form: a direction by some rule of the receiver's own, and the light that it happens to meet.
 
 Lo = f(wo, wi) Le(wi) cos V / pdf(wi). The pdf knows nothing of the lights, so that no distance is divided by: however
-near a light comes, the weights stay bounded. What it costs is that a small light is seldom met [pbrt4, sec. 13.2].
+near a light comes, the weights stay bounded. What it costs is that a small light is seldom met [pharr2023, sec. 13.2].
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Direct light by sampling a light: pick one, pick a direction to it by some technique, ask whether it is seen.
 
-Lo = f(wo, wi) Le(wi) |cos| V / (pdf(wi) / K), the light picked uniformly among K [pbrt4, sec. 13.4].
+Lo = f(wo, wi) Le(wi) |cos| V / (pdf(wi) / K), the light picked uniformly among K [pharr2023, sec. 13.4].
 """
 
 from __future__ import annotations

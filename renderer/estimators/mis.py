@@ -1,6 +1,6 @@
 """`mis`: light and BRDF sampling together, each weighted by how likely it was to find what it found.
 
-Veach's multi-sample estimator with one sample of each technique [veach1995, eq. 2, 9]: wherever one technique's pdf is
+Veach's multi-sample estimator with one sample of each technique [veach1995]: wherever one technique's pdf is
 small, the other's carries the sample, so that neither a near light nor a smooth surface makes a weight large.
 """
 

@@ -148,7 +148,7 @@ class Surface(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class AreaSampling:
-    """Uniform over the light's surface: pdf = d^2 / (cos_light A) [pbrt4, sec. 6.1.1]; unbounded weights as d goes to 0."""
+    """Uniform over the light's surface: pdf = d^2 / (cos_light A) [pharr2023, sec. 6.1]; unbounded weights as d goes to 0."""
 
     surface: Surface
 

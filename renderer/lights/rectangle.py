@@ -7,7 +7,7 @@ The published formulas take angles as acos of nearly parallel normals and the so
   so a small solid angle keeps its relative accuracy: no branch, no threshold, exact 0 on the light's plane.
 - With b(y) = y / sqrt(y^2 + z^2) and c(x) = x / sqrt(x^2 + z^2), the solid angle of [0, x] x [0, y] is asin(b c), so
   the x that splits off a solid angle t obeys asin(b1 c) - asin(b0 c) = t, whence
-  c = sin t / sqrt((b1 - b0)^2 + 4 b0 b1 sin^2(t/2)): [urena2013, sec. 4] without the 2 pi.
+  c = sin t / sqrt((b1 - b0)^2 + 4 b0 b1 sin^2(t/2)): [urena2013] without the 2 pi.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Spherical lights: `area`, and `solid-angle` by the cone that they subtend, or all directions from inside.
 
 1 - cos(theta) is carried instead of cos(theta): the cone of a light of 1e-6 rad then keeps all its digits, with no
-branch [pbrt4, sec. 6.2.4 switches to a Taylor series instead].
+branch [pharr2023, sec. 6.2.4 switches to a Taylor series instead].
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class SphereLights:
 
 @dataclass(frozen=True, eq=False)
 class SphereSolidAngle:
-    """Uniform in the cone of the sphere [shirley1996, eq. 5]; from inside, uniform over all directions."""
+    """Uniform in the cone of the sphere [shirley1996]; from inside, uniform over all directions."""
 
     lights: SphereLights
 

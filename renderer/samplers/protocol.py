@@ -42,7 +42,7 @@ GOLDEN = 0x9E3779B97F4A7C15
 
 
 def mix(x: UInt64) -> UInt64:
-    """A bijection of 64-bit integers in which each bit of x moves each bit of the result [steele2014, fig. 16, variant 13]."""
+    """A bijection of 64-bit integers in which each bit of x moves each bit of the result [steele2014, variant 13]."""
     x = x ^ (x >> np.uint64(30))
     x *= np.uint64(0xBF58476D1CE4E5B9)
     x ^= x >> np.uint64(27)

@@ -3,7 +3,7 @@
 The (0, 2)-sequence of the first two dimensions is the best there is in two; higher Sobol pairs are not nets at the
 sample counts of rendering. So every pair of dimensions uses it, with an order of its own: a nested uniform shuffle of the
 index, which maps each aligned block of 2^m samples to another such block, decorrelates the pairs and keeps every prefix
-of 2^m samples a net [burley2020, sec. 5]. Scramble and shuffle are one hash after [laine2011], with the constants of
+of 2^m samples a net [burley2020]. Scramble and shuffle are one hash after [laine2011], with the constants of
 [vegdahl2021]: a bit of the reversed integer is flipped by a function of the bits below it alone.
 """
 

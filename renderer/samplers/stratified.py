@@ -20,7 +20,7 @@ UInt32 = NDArray[np.uint32]
 
 
 def permute(i: UInt32, length: int, seed: UInt32) -> UInt32:
-    """Entry i (n,) of a permutation of range(length), one for each seed (n,) [kensler2013, sec. 5].
+    """Entry i (n,) of a permutation of range(length), one for each seed (n,) [kensler2013].
 
     A hash that is a bijection of the next power of two, walked until it lands inside: at most a few rounds.
     """

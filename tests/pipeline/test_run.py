@@ -115,6 +115,16 @@ def test_a_damaged_score_is_scored_again_and_nothing_rendered(tmp_path: Path) ->
 
 
 @pytest.mark.usefixtures("backend")
+def test_a_changed_reference_scores_anew_and_renders_nothing(tmp_path: Path) -> None:
+    run(tmp_path)
+    other = TINY.replace("spp = 64, batches", "spp = 128, batches")
+    assert other != TINY
+    assert run(tmp_path, other).made == {"references": 1, "cells": 0, "scores": TINY_CELLS}
+    cards = [cell.card for cell in load_run(tmp_path).studies[0].cells]
+    assert len({card.reference.key for card in cards if card}) == 1
+
+
+@pytest.mark.usefixtures("backend")
 def test_a_changed_metric_scores_anew_and_renders_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(tmp_path)
     monkeypatch.setattr(pipeline.run, "metrics_fingerprint", lambda: "another formula")

@@ -26,12 +26,13 @@ GAP = {("touching-light", "area"): {"gap": 0.4}}
 REQUEST = ReferenceRequest(spp=64 * 200, batches=64)
 SPP = {"sphere-light": 1000}  # half of what `area` draws there lies on the far side
 REPLICATES = 32
+LIMIT = (0.005, 0.02)  # the smallest bias of the image mean to be caught; the second for what meets lights by chance
 ALPHA = 1e-3  # a family; 2 samplers x 9 cases x 3 families: 5 % for all of them together
 
-# What meets the light by chance needs more samples to be held to the same bias.
-MORE = {"hemisphere": 8, "cosine": 6, "bsdf": 6}
-# For diffuse receivers `bsdf` is `cosine` bit for bit, and the others add a weight or a constant to what is tested anyway.
-SLOW = {"hemisphere", "bsdf", "mis-balance"}
+# What meets a light by chance is noisier: more samples, a weaker claim, and no test of single pixels, whose means are not
+# normal where one sample in a thousand finds light. These are left to `make test-all`; the contact ladder holds them too.
+CHANCE = {"hemisphere", "cosine", "bsdf"}
+SLOW = CHANCE | {"mis-balance"}
 CASES = [
     pytest.param(entry.name, estimator, marks=[pytest.mark.slow] if estimator in SLOW else [])
     for entry in scenes.library()
@@ -70,22 +71,24 @@ def against(reference: ReferenceImage, ours: Moments, folder: Path) -> list[Test
 @pytest.mark.parametrize(("name", "estimator"), CASES)
 def test_independent_samples_agree_with_mitsuba(name, estimator, references, tmp_path):
     scene = load(name, estimator)
-    spp = SPP.get(name, 500) * MORE.get(estimator, 1)
+    spp = 3000 if estimator in CHANCE else SPP.get(name, 500)
     ours = render(scene, estimator=estimator, spp=spp, seed=11, threads=2)
-    results = against(references(scene), Moments(ours.image, ours.variance, spp - 1, samples=spp), tmp_path)
-    assert results[0].name == "image" and results[0].smallest_detectable < 0.005
+    samples = None if estimator in CHANCE else spp
+    results = against(references(scene), Moments(ours.image, ours.variance, spp - 1, samples=samples), tmp_path)
+    assert results[0].name == "image" and results[0].smallest_detectable < LIMIT[estimator in CHANCE]
 
 
 @pytest.mark.parametrize(("name", "estimator"), CASES)
 def test_sobol_samples_agree_with_mitsuba(name, estimator, references, tmp_path):
     """Their variance comes from replicate scrambles: what the film says of it would be far too large."""
     scene = build(load(name, estimator))
+    spp = 96 if estimator in CHANCE else 16
     images = [
-        render(scene, estimator=estimator, sampler="sobol", spp=16 * MORE.get(estimator, 1), seed=seed, threads=2).image
+        render(scene, estimator=estimator, sampler="sobol", spp=spp, seed=seed, threads=2).image
         for seed in range(REPLICATES)
     ]
     results = against(references(scene.description), batch_moments(np.stack(images)), tmp_path)
-    assert results[0].name == "image" and results[0].smallest_detectable < 0.005
+    assert results[0].name == "image" and results[0].smallest_detectable < LIMIT[estimator in CHANCE]
 
 
 def test_a_bias_of_half_a_percent_would_have_been_caught(references):
