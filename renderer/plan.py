@@ -212,8 +212,8 @@ def _emission(scene: RenderScene, seen: Bools) -> Decision:
 
 def _receivers(black: Bools, reach: Bools) -> Decision:
     dark = ~reach.any(axis=1) & ~black
-    reason = f"{int(dark.sum())} of {black.size} shapes out of reach of all lights, {int(black.sum())} black"
-    return Decision("receivers out of reach", not bool((dark | black).any()), f"left out: {reason}", "reach")
+    reason = f"of {black.size} shapes {int(dark.sum())} are out of reach of all lights and {int(black.sum())} are black"
+    return Decision("shading of every shape", not bool((dark | black).any()), reason, "reach")
 
 
 def _occlusion(scene: RenderScene, blocks: Bools) -> list[Decision]:
