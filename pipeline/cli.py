@@ -24,7 +24,7 @@ EXAMPLES = """Examples:
   penumbra run soft-shadow-samples --out runs/first        a built-in sweep
   penumbra run my-sweep.toml --out runs/mine --workers 2   one of your own
   penumbra report runs/first                  from what the run left
-  penumbra render touching-light -o out.exr -D gap=0.001 --spp 64
+  penumbra render soft-shadow -o out.exr --estimator solid-angle --spp 64
   penumbra reference soft-shadow -o reference.exr --spp 1024
   penumbra compare out.exr reference.exr      errors with their intervals
   penumbra explain soft-shadow --measure      what is simulated, why, its cost

@@ -109,7 +109,7 @@ def _disturbed(panels: Sequence[Panel]) -> list[str]:
         return []
     return [
         f"The machine was busy: half of the renders waited for the processor so long that they took {sig(usual)} times "
-        f"their CPU time or more. Times and efficiencies of this run are no better than that."
+        f"their CPU time or more. Its times and efficiencies are that uncertain."
     ]
 
 

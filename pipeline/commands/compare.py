@@ -49,14 +49,37 @@ def compare(
     estimate, (reference, what) = Estimate(read_rgb(image)), _reference(truth)
     scores = {name: found.score for name, found in score(estimate, reference, names).items()}
     speaker.note(f"{truth}: {what}")
+    warnings = _warnings(image, truth)
+    for warning in warnings:
+        speaker.note(f"warning: {warning}")
     rows = [(entries[name].title, entries[name].unit, *_cells(found)) for name, found in scores.items()]
     speaker.table(("metric", "unit", "value", "95 % interval", "note"), rows)
     worse = [name for name, value in limits.items() if _worse(scores[name], value, entries[name].better)]
-    speaker.json({"scores": {name: found.model_dump() for name, found in scores.items()}, "beyond_limit": worse})
+    speaker.json(
+        {
+            "scores": {name: found.model_dump() for name, found in scores.items()},
+            "beyond_limit": worse,
+            "warnings": warnings,
+        }
+    )
     for name in worse:
         speaker.note(f"{name}: {_cells(scores[name])[0]} is worse than the limit {limits[name]:g}")
     if worse:
         raise typer.Exit(1)
+
+
+def _warnings(image: Path, truth: Path) -> list[str]:
+    """What the files themselves say against comparing them: another scene, or samples that cannot be trusted."""
+    from scenes.images import read_exr
+
+    known = [read_exr(path).metadata if path.suffix == ".exr" else {} for path in (image, truth)]
+    scenes = [metadata.get("scene") for metadata in known]
+    out: list[str] = []
+    if all(scenes) and scenes[0] != scenes[1]:
+        out.append(f"{image} and {truth} are not of the same scene with the same parameters")
+    if known[0].get("verdict") == "untrustworthy":
+        out.append(f"the samples of {image} are untrustworthy: its errors may be far larger than these")
+    return out
 
 
 def _reference(path: Path) -> tuple[Reference, str]:

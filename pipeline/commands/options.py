@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -50,4 +51,8 @@ def image_target(path: Path) -> Path:
         raise PenumbraError(f"{path}: cannot tell the format; allowed: .exr, .png")
     if not path.parent.is_dir():
         raise PenumbraError(f"{path}: there is no folder {path.parent}")
-    return path
+    try:  # before a long render, not after it
+        with tempfile.TemporaryFile(dir=path.parent):
+            return path
+    except OSError as error:
+        raise PenumbraError(f"{path}: cannot be written: {error.strerror}") from error

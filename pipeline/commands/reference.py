@@ -44,7 +44,12 @@ def reference(
     if target.suffix == ".png":
         write_png(target, image.mean)
     else:
-        known = {"backend": backend, "batches": str(image.batches), "spp": str(image.spp)}
+        known = {
+            "scene": description.content_hash(),
+            "backend": backend,
+            "batches": str(image.batches),
+            "spp": str(image.spp),
+        }
         write_estimate_exr(target, image.mean, image.variance, float(image.spp), image.provenance | known)
     error = float(image.variance.mean() ** 0.5)
     how = f"{image.spp} spp in {image.batches} batches" if image.batches else "no samples"

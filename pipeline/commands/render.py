@@ -68,6 +68,7 @@ def render(
 
 
 def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> None:
+    from pipeline.job import statistics
     from pipeline.provenance import provenance
     from scenes.images import write_estimate_exr, write_png
 
@@ -79,6 +80,7 @@ def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> Non
         "scene": scene_hash,
         "provenance": provenance().model_dump_json(),
         "independent": str(_independent(job)),
+        "verdict": statistics(result).verdict,
     }
     write_estimate_exr(target, result.image, result.variance, result.film.count, metadata)
 

@@ -25,11 +25,15 @@ def report(
       penumbra report runs/demo
     """
     from pipeline.commands.console import Speaker
+    from pipeline.store import load_run
     from reports import write_report
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     with speaker.step("report", 1) as update:
         page = write_report(run, out or run / "report")
         update(1)
+    missing = sum(study.missing for study in load_run(run).studies)
+    if missing:
+        speaker.note(f"{missing} images of this run are missing; the report names them")
     speaker.line(str(page))
-    speaker.json({"report": str(page)})
+    speaker.json({"report": str(page), "missing": missing})

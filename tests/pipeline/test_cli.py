@@ -22,7 +22,7 @@ from scenes.parser import parse
 
 ROOT = Path(__file__).parents[2]
 SMALL = ["-D", "xresolution=24", "-D", "yresolution=18"]
-COMMANDS = ("demo", "run", "report", "render", "reference", "compare", "explain", "export", "list", "doctor")
+COMMANDS = ("demo", "run", "report", "render", "reference", "compare", "explain", "export", "ladder", "list", "doctor")
 
 Answer = tuple[int, str, str]
 Penumbra = Callable[..., Answer]
@@ -149,6 +149,31 @@ def test_reference_by_closed_form_agrees_with_a_render(penumbra: Penumbra, tmp_p
     noise = answer(penumbra, "compare", out, exact, "--metric", "mse")["scores"]["mse"]
     assert noise["low"] < stored.variance.mean() < noise["high"], "against the truth, the MSE is the variance"
     print(f"smallest bias that this would have caught: {caught:.2%} of the image mean")
+
+
+def test_compare_warns_of_another_scene_and_of_samples_that_cannot_be_trusted(
+    penumbra: Penumbra, tmp_path: Path
+) -> None:
+    size = ("-D", "xresolution=64", "-D", "yresolution=48")
+    for name, gap in (("near", "0.0001"), ("far", "1")):
+        answer(penumbra, "render", "touching-light", "-o", tmp_path / f"{name}.exr", *size, "-D", f"gap={gap}")
+    answer(
+        penumbra,
+        "reference",
+        "touching-light",
+        "-o",
+        tmp_path / "exact.exr",
+        *size,
+        "-D",
+        "gap=1",
+        "--backend",
+        "closed-form",
+    )
+    exact = tmp_path / "exact.exr"
+    assert answer(penumbra, "compare", tmp_path / "far.exr", exact, "--metric", "mse")["warnings"] == []
+    other, heavy = answer(penumbra, "compare", tmp_path / "near.exr", exact, "--metric", "mse")["warnings"]
+    assert "not of the same scene" in other
+    assert "untrustworthy" in heavy
 
 
 def test_export_is_text_that_reads_back_as_the_scene(penumbra: Penumbra, tmp_path: Path) -> None:

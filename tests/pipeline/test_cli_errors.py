@@ -23,7 +23,7 @@ MISTAKES = [
     ("render soft-shadow -o {tmp}/a.exr --spp 0", "spp is 0: at least 1 sample a pixel is needed"),
     ("render soft-shadow -o {tmp}/a.exr --seed -1", "seed is -1: .*"),
     ("render soft-shadow -o {tmp}/a.exr --threads 0", "threads is 0: give at least 1"),
-    ("render soft-shadow -o {tmp}/a.exr --estimator aera", "unknown estimator 'aera'; there are: area, solid-angle"),
+    ("render soft-shadow -o {tmp}/a.exr --estimator aera", "unknown estimator 'aera'; there are: area, bsdf, cosine, hemisphere, mis, mis-balance, solid-angle"),
     ("render soft-shadow -o {tmp}/a.exr --sampler halton", "unknown sampler 'halton'; there are: .*"),
     ("render disk-light -o {tmp}/a.exr --estimator solid-angle", "estimator 'solid-angle' does not apply to scene .*"),
     ("render soft-shadow -o {tmp}/a.jpg", r".*a\.jpg: cannot tell the format; allowed: \.exr, \.png"),

@@ -41,7 +41,7 @@ MISTAKES = [
     ("spp = [1, 4]", "spp = [1, 0]", "study[0].axes.spp[1]: input should be greater than or equal to 1, not 0"),
     ("spp = [1, 4]", "spp = []", "study[0].axes.spp: is empty; give at least one"),
     ("spp = [1, 4]", "spp = [1.5]", "study[0].axes.spp[0]: input should be a valid integer, not 1.5"),
-    ('"area", "solid-angle"', '"aera"', "study[0].axes.estimator: unknown estimator 'aera'; there are: area, solid-angle"),
+    ('"area", "solid-angle"', '"aera"', "study[0].axes.estimator: unknown estimator 'aera'; there are: area, bsdf, cosine, hemisphere, mis, mis-balance, solid-angle"),
     ('"independent", "sobol"', '"halton"', "study[0].axes.sampler: unknown sampler 'halton'; there are: independent"),
     ('metrics = ["mse"]', 'metrics = ["l2"]', "study[0].metrics: unknown metric 'l2'; there are: flip"),
     ('"mitsuba"', '"pbrt"', "study[0].reference.backend: unknown reference backend 'pbrt'; there are: closed-form, mitsuba"),
