@@ -71,7 +71,7 @@ def against(reference: ReferenceImage, ours: Moments, folder: Path) -> list[Test
 @pytest.mark.parametrize(("name", "estimator"), CASES)
 def test_independent_samples_agree_with_mitsuba(name, estimator, references, tmp_path):
     scene = load(name, estimator)
-    spp = 3000 if estimator in CHANCE else SPP.get(name, 500)
+    spp = (5000 if estimator == "hemisphere" else 3000) if estimator in CHANCE else SPP.get(name, 500)
     ours = render(scene, estimator=estimator, spp=spp, seed=11, threads=2)
     samples = None if estimator in CHANCE else spp
     results = against(references(scene), Moments(ours.image, ours.variance, spp - 1, samples=samples), tmp_path)
