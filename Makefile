@@ -16,7 +16,7 @@ BIN := .venv/bin
 
 help:
 	@echo 'make demo      run the main job; its last line is the path of the report'
-	@echo 'make test      run the tests (as root, installs chromium and libegl1 with apt if they are missing)'
+	@echo 'make test      run the tests (as root, installs chromium and OpenGL with apt if they are missing)'
 	@echo 'make test-all  the same with the slow tests'
 	@echo 'make check     formatting, lint, types and the direction of imports'
 	@echo 'make clean     remove the environment and caches; runs/ stays'

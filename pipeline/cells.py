@@ -6,13 +6,16 @@ import hashlib
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 
+from pipeline.backends import BACKENDS
+from pipeline.baseline import entry as baseline
 from pipeline.manifest import LeftOut
 from pipeline.record import SCHEMA_VERSION, Job
-from pipeline.references.protocol import BACKENDS, ReferenceRequest
+from pipeline.references.protocol import Quantity, ReferenceRequest, refusal
+from pipeline.self_reference import judges_itself
 from pipeline.sweep import Study, Sweep
 from renderer import fingerprint
 from renderer.estimators.protocol import ESTIMATORS
@@ -46,7 +49,7 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class StudyPlan:
-    """The grid of one study, less what does not apply; `cells` in the order of the axes, seeds outermost."""
+    """The grid of one study, less what does not apply; `cells` in the order of the axes, seeds outermost, then the baselines."""
 
     study: Study
     variants: tuple[SceneVariant, ...]
@@ -56,8 +59,8 @@ class StudyPlan:
     @property
     def request(self) -> ReferenceRequest:
         """What to ask of the reference backend."""
-        reference = self.study.reference
-        return ReferenceRequest(spp=reference.spp, batches=reference.batches, seed=reference.seed)
+        reference, quantity = self.study.reference, quantity_of(self.study.axes.estimator, self.study.name)
+        return ReferenceRequest(spp=reference.spp, batches=reference.batches, seed=reference.seed, quantity=quantity)
 
 
 def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
@@ -66,6 +69,15 @@ def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
     source: the sweep's name, for messages.
     """
     return [_plan(study, f"{source}: study[{i}]") for i, study in enumerate(sweep.study)]
+
+
+def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
+    """What they all estimate; PenumbraError where it is not one thing, since one reference serves a study."""
+    quantities = {name: ESTIMATORS[name].quantity for name in estimators}
+    if len(set(quantities.values())) > 1:
+        given = ", ".join(f"{name} estimates {quantity}" for name, quantity in quantities.items())
+        raise PenumbraError(f"study {study}: {given}: give each quantity a study of its own")
+    return cast("Quantity", quantities[estimators[0]])
 
 
 def cell_key(scene_hash: str, job: Job, renderer: str) -> str:
@@ -86,10 +98,11 @@ def _plan(study: Study, path: str) -> StudyPlan:
         for variant, job in _jobs(study, variants)
         if job.estimator in estimators[str(variant)]
     )
-    left_out = tuple(_distinct([*without_reference, *without_estimator]))
+    pictures, without_picture = _baselines(study, variants)
+    left_out = tuple(_distinct([*without_reference, *without_estimator, *without_picture]))
     if not cells:
         raise PenumbraError(f"{path}: nothing is left to render: {'; '.join(describe(item) for item in left_out)}")
-    return StudyPlan(study, tuple(variants), cells, left_out)
+    return StudyPlan(study, tuple(variants), (*cells, *pictures), left_out)
 
 
 def describe(item: LeftOut) -> str:
@@ -106,15 +119,16 @@ def _variants(study: Study, path: str) -> Iterator[SceneVariant]:
         except PenumbraError as error:
             given = ", ".join(f"{key} = {value:g}" for key, value in parameters.items())
             raise PenumbraError(f"{path}: scene {name}{f' with {given}' if given else ''}: {error}") from error
-        if not any(shape.emission for shape in scene.shapes):
+        lit = scene.lights or any(shape.emission for shape in scene.shapes)
+        if not lit and quantity_of(study.axes.estimator, study.name) == "radiance":
             raise PenumbraError(f"{path}: scene {name} has no lights: nothing in it would be lit or seen")
         yield SceneVariant(name, parameters, scene, scene.content_hash())
 
 
 def _split(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[SceneVariant], list[LeftOut]]:
     """The variants that the reference backend takes, and notes on those that it refuses."""
-    backend = BACKENDS[study.reference.backend]
-    refusals = [(variant, backend.refuses(variant.scene)) for variant in variants]
+    backend, quantity = BACKENDS[study.reference.backend], quantity_of(study.axes.estimator, study.name)
+    refusals = [(variant, refusal(backend, variant.scene, quantity)) for variant in variants]
     kept = [variant for variant, reason in refusals if reason is None]
     what = f"reference {study.reference.backend}"
     return kept, [
@@ -129,12 +143,34 @@ def _applicable(study: Study, variants: Sequence[SceneVariant]) -> tuple[dict[st
     applicable: dict[str, set[str]] = {str(variant): set() for variant in variants}
     notes: list[LeftOut] = []
     for variant, estimator in itertools.product(variants, study.axes.estimator):
-        reason = ESTIMATORS[estimator].refuses(variant.scene)
+        reason = ESTIMATORS[estimator].refuses(variant.scene) or judges_itself(study.reference.backend, estimator)
         if reason is None:
             applicable[str(variant)].add(estimator)
         else:
             notes.append(LeftOut(study=study.name, scene=variant.name, what=estimator, reason=reason))
     return applicable, notes
+
+
+def _baselines(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[Cell], list[LeftOut]]:
+    """The rasterised picture of each variant, where the study asks for it, and notes on those that cannot be had."""
+    cells: list[Cell] = []
+    notes: list[LeftOut] = []
+    shading = quantity_of(study.axes.estimator, study.name) == "radiance"
+    for variant in variants if study.baseline else ():
+        reason = baseline.refuses(variant.scene) if shading else "this study is not about light"
+        if reason is None:
+            job = Job(
+                scene=variant.name,
+                parameters=variant.parameters,
+                estimator=baseline.NAME,
+                sampler=baseline.SAMPLER,
+                spp=1,
+                seed=0,
+            )
+            cells.append(Cell(cell_key(variant.hash, job, baseline.fingerprint()), job, variant))
+        else:
+            notes.append(LeftOut(study=study.name, scene=str(variant), what=f"baseline {baseline.NAME}", reason=reason))
+    return cells, notes
 
 
 def _jobs(study: Study, variants: Sequence[SceneVariant]) -> Iterator[tuple[SceneVariant, Job]]:

@@ -7,16 +7,20 @@ from collections.abc import Sequence
 
 import typer
 
+from pipeline.commands.agreement import agreement
+from pipeline.commands.baseline import baseline
 from pipeline.commands.compare import compare
 from pipeline.commands.doctor import doctor
 from pipeline.commands.explain import explain
 from pipeline.commands.export import export
 from pipeline.commands.ladder import ladder
 from pipeline.commands.lists import list_names
+from pipeline.commands.preview import preview
 from pipeline.commands.reference import reference
 from pipeline.commands.render import render
 from pipeline.commands.report import report
 from pipeline.commands.run import demo, run
+from pipeline.commands.verify import verify
 
 EXAMPLES = """Examples:
 
@@ -26,10 +30,14 @@ EXAMPLES = """Examples:
   penumbra report runs/first                  from what the run left
   penumbra render soft-shadow -o out.exr --estimator solid-angle --spp 64
   penumbra reference soft-shadow -o reference.exr --spp 1024
+  penumbra baseline soft-shadow -o cheap.exr  rasterised, no shadows
   penumbra compare out.exr reference.exr      errors with their intervals
+  penumbra verify soft-shadow --estimator area             is it unbiased?
   penumbra explain soft-shadow --measure      what is simulated, why, its cost
   penumbra export touching-light -D gap=0.001 -o gap.pbrt
+  penumbra preview soft-shadow -o preview.png --pixel 150,180
   penumbra ladder                             a light comes down on a floor
+  penumbra agreement soft-shadow              do all estimators agree?
   penumbra list scenes                        estimators, samplers, metrics ...
   penumbra doctor                             what works on this machine
 
@@ -51,10 +59,14 @@ app.command("run")(run)
 app.command("report")(report)
 app.command("render")(render)
 app.command("reference")(reference)
+app.command("baseline")(baseline)
 app.command("compare")(compare)
+app.command("verify")(verify)
 app.command("explain")(explain)
 app.command("export")(export)
+app.command("preview")(preview)
 app.command("ladder")(ladder)
+app.command("agreement")(agreement)
 app.command("list")(list_names)
 app.command("doctor")(doctor)
 

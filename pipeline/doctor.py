@@ -14,9 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.errors import PenumbraError
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 PAGE = "<p>penumbra</p>"
 SECONDS = 60  # a browser's first start on a slow disk
+
+TRIANGLE = """
+Camera "perspective" "float fov" [ 90 ]
+Film "rgb" "integer xresolution" [ 9 ] "integer yresolution" [ 9 ]
+WorldBegin
+Shape "trianglemesh" "point3 P" [ -1 -1 2  1 -1 2  0 1 2 ]
+"""
 
 # A display is made in a process of its own: drivers are known to end the process that asks them.
 EGL = """
@@ -134,6 +143,22 @@ def opengl() -> list[Part]:
     return [Part("EGL", done.returncode == 0, said.splitlines()[-1], remedy)]
 
 
+def rasteriser() -> list[Part]:
+    """Draw a triangle with pyrender and measure its depth."""
+    from pipeline.baseline.entry import REMEDY
+    from pipeline.baseline.process import rasterise
+    from scenes.parser import parse
+
+    try:
+        (drawn,) = rasterise([parse(TRIANGLE)])
+        works = bool(np.allclose(drawn.depth[4, 4], 2.0, rtol=1e-5) and np.isinf(drawn.depth[0, 0]))
+        device = f"{drawn.provenance['device']}, {drawn.provenance['platform']}"
+        detail = f"a triangle is drawn at its depth ({device})" if works else f"wrong depths ({device})"
+    except Exception as error:  # as above
+        works, detail = False, str(error) if isinstance(error, PenumbraError) else f"{type(error).__name__}: {error}"
+    return [Part("pyrender", works, detail, REMEDY)]
+
+
 def browser() -> list[Part]:
     """Let a headless browser print a page of our own."""
     remedy = "install a browser, for example: apt install chromium"
@@ -169,4 +194,4 @@ def _try(command: Sequence[str]) -> subprocess.CompletedProcess[str] | str:
         return str(error.strerror)
 
 
-CHECKS = (system, embree, images, mitsuba, opengl, browser)
+CHECKS = (system, embree, images, mitsuba, opengl, rasteriser, browser)

@@ -56,6 +56,11 @@ def damage(entry: Path) -> str | None:
     return None
 
 
+def sealed(entry: Path) -> list[str]:
+    """The names of the files that an entry was sealed with."""
+    return [line.partition("  ")[2] for line in (entry / SEAL).read_text(encoding="utf-8").splitlines()]
+
+
 def write_file(path: Path, content: str) -> None:
     """Write one small text file atomically and durably."""
     draft = path.with_name(f".{path.name}.{uuid.uuid4().hex}")

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from pipeline.references.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
 from pipeline.statistics.samples import sample_verdict
 from renderer import RenderScene, build
-from renderer.estimators.protocol import ESTIMATORS
+from renderer.estimators.protocol import ESTIMATORS, RADIANCE
 from renderer.plan import RenderPlan, make_plan
 from renderer.records import SurfaceHit
 from renderer.samplers.protocol import SAMPLERS
@@ -38,7 +38,7 @@ from scenes.errors import PenumbraError
 
 RUNGS = tuple(10.0**-k for k in range(9))
 GEOMETRIES = ("parallel", "upright")
-REFLECTANCE, RADIANCE = 0.5, 1.0
+REFLECTANCE, LE = 0.5, 1.0
 UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -99,7 +99,19 @@ def sphere(geometry: str, h: float) -> Setting:
     return Setting(Sphere(center, 0.5), point, float(e[0]))
 
 
-LIGHTS = {"rectangle": rectangle, "disk": disk, "sphere": sphere}
+def triangle(geometry: str, h: float) -> Setting:
+    """Half of the rectangle's unit square, its centroid overhead at height h, or standing on one edge."""
+    if geometry == "parallel":
+        corners = np.array([[-1 / 3, h, -1 / 3], [2 / 3, h, -1 / 3], [-1 / 3, h, 2 / 3]])
+        point = np.zeros(3)
+    else:
+        corners = np.array([[-0.5, 0, 0], [0.5, 0, 0], [0.0, 1, 0]])
+        point = np.array([0, 0, h])
+    e = polygon_irradiance(point[None], UP, corners)
+    return Setting(TriangleMesh(corners, np.array([[0, 1, 2]])), point, float(e[0]))
+
+
+LIGHTS = {"rectangle": rectangle, "disk": disk, "sphere": sphere, "triangle": triangle}
 
 
 def climb(
@@ -125,8 +137,10 @@ def _rungs(name: str, geometry: str, h: float, samples: int, seed: int) -> Itera
     plan = make_plan(built, prune=False)
     plan = replace(plan, shadow=np.zeros_like(plan.shadow))
     for label, estimator in ESTIMATORS.items():
+        if estimator.quantity != RADIANCE:
+            continue
         why = estimator.refuses(scene)
-        truth = REFLECTANCE / np.pi * RADIANCE * setting.irradiance
+        truth = REFLECTANCE / np.pi * LE * setting.irradiance
         shared = {"light": name, "geometry": geometry, "estimator": label, "h": h, "truth": truth}
         if why:
             empty = {"mean": np.nan, "se": np.nan, "max_share": np.nan, "hill": None, "nonfinite": 0}
@@ -157,11 +171,15 @@ def _samples(built: RenderScene, plan: RenderPlan, point: Array, estimator: str,
     p = np.repeat(point[:, None], count, axis=1)
     n = np.repeat(UP[:, None], count, axis=1)
     floor, first, none = (np.full(count, i) for i in (0, 0, -1))
-    hit = SurfaceHit(p, n, n, floor, first, none)
+    hit = SurfaceHit(p, n, n, floor, first, none, np.zeros((2, 1)))
     u = SAMPLERS["independent"](seed, count).uniform(
         np.zeros(count, dtype=np.int64), np.arange(count), 2, ESTIMATORS[estimator].dimensions(built)
     )
-    return ESTIMATORS[estimator].estimate(built, plan, hit, u).radiance[1]
+    found = ESTIMATORS[estimator].estimate(built, plan, hit, u)
+    if found.ratio is None:
+        return found.radiance[1]
+    closed, unshadowed = (part[1] for part in found.ratio)
+    return closed * (found.radiance[1].mean() / unshadowed.mean())
 
 
 def _scene(light: Geometry) -> SceneDescription:
@@ -170,6 +188,6 @@ def _scene(light: Geometry) -> SceneDescription:
     floor = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     shapes = (
         ShapeDescription(floor, Diffuse(np.full(3, REFLECTANCE))),
-        ShapeDescription(light, Diffuse(np.zeros(3)), Emission(np.full(3, RADIANCE))),
+        ShapeDescription(light, Diffuse(np.zeros(3)), Emission(np.full(3, LE))),
     )
     return SceneDescription("contact ladder", PerspectiveCamera(np.eye(4), 40.0), Film(1, 1), shapes)

@@ -55,3 +55,25 @@ class Manifest(_Frozen):
     sweep: Sweep
     studies: list[StudyEntry]
     provenance: Provenance
+
+
+def replaces(old: Manifest, new: Manifest) -> str | None:
+    """What would be forgotten if `new` took the place of `old`, in words; None where nothing would.
+
+    The same sweep may go on, also with changed code, and a sweep that was added to or is scored otherwise. Another sweep
+    would leave cells in the folder that no manifest names.
+    """
+    if old.sweep == new.sweep:
+        return None
+    if old.name != new.name:
+        return f"holds a run of the sweep {old.name!r}, and this is {new.name!r}"
+    studies = {study.name: [cell.job for cell in study.cells] for study in new.studies}
+    for study in old.studies:
+        if study.name not in studies:
+            return f"holds a run of an earlier {old.name!r} that had a study {study.name!r}"
+        gone = [cell.job for cell in study.cells if cell.job not in studies[study.name]]
+        if gone:
+            return (
+                f"holds a run of an earlier {old.name!r} with {len(gone)} cells in {study.name!r} that it has no more"
+            )
+    return None

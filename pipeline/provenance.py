@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from pipeline.machine import machine
 from pipeline.record import Provenance
 
 PACKAGES = ("numpy", "scipy", "embreex", "trimesh", "mitsuba", "openimageio", "scikit-image", "flip-evaluator")
@@ -30,7 +31,7 @@ def _of_this_process() -> Provenance:
         commit=_commit(),
         versions={name: version for name in PACKAGES if (version := _version(name))},
         python=platform.python_version(),
-        machine=f"{_processor()}, {platform.system()} {platform.release()}",
+        machine=machine(),
         cores=os.cpu_count() or 1,
         created="",
     )
@@ -57,13 +58,3 @@ def _commit() -> str | None:
 def _git(folder: str, *arguments: str) -> str:
     command = ["git", "-C", folder, *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-
-
-def _processor() -> str:
-    """The processor's name; `platform` has none on most Linux machines."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()

@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 Verdict = Literal["ok", "untrustworthy"]
 
@@ -88,7 +88,7 @@ class Provenance(_Frozen):
 class Score(_Frozen):
     """A metric's value with its 95 % interval; `bound` says that `value` is an upper bound, the reference being too noisy for more.
 
-    value None: undefined here (`note` says why).
+    Where a metric is better higher the bound is a lower one. value None: undefined here (`note` says why).
     """
 
     metric: str
@@ -114,7 +114,7 @@ class ReferenceInfo(_Frozen):
 class Record(_Frozen):
     """One finished cell of a sweep."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[2] = SCHEMA_VERSION
     key: str = Field(description="content address: scene content, job, renderer fingerprint")
     job: Job
     scene_hash: str
@@ -128,11 +128,31 @@ class Record(_Frozen):
     provenance: Provenance
 
 
+class RegionMap(_Frozen):
+    """The label image of a scene's picture (pipeline/regions.py): channels region, visibility, dark."""
+
+    schema_version: Literal[2] = SCHEMA_VERSION
+    scene_hash: str
+    spp: int
+    contact: float = Field(description="distance, as a share of that to the camera, below which things touch")
+    pixels: dict[str, int] = Field(description="how many pixels each region has")
+    image: str = Field(description="path of its EXR relative to the run's folder")
+
+
+class RegionScores(_Frozen):
+    """The scores over one region of the picture."""
+
+    pixels: int
+    scores: dict[str, Score]
+
+
 class ScoreCard(_Frozen):
     """The scores of one cell against one reference."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[2] = SCHEMA_VERSION
     cell: str
     reference: ReferenceInfo
     scores: dict[str, Score]
     error_map: str | None = Field(default=None, description="path of an error-map EXR relative to the run's folder")
+    regions: dict[str, RegionScores] = Field(default_factory=dict, description="by name; none where no light is scored")
+    region_map: RegionMap | None = None

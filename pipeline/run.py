@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -12,17 +12,19 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
+from pipeline.backends import BACKENDS
 from pipeline.cells import Cell, SceneVariant, StudyPlan, describe, fair_order, lay_out
 from pipeline.executors.protocol import Executor
-from pipeline.manifest import CellEntry, LeftOut, Manifest, StudyEntry
+from pipeline.manifest import CellEntry, LeftOut, Manifest, StudyEntry, replaces
 from pipeline.progress import Listener
 from pipeline.provenance import provenance
 from pipeline.record import SCHEMA_VERSION, Job
 from pipeline.references.cache import StoredReference, reference_for, reference_key, to_info
-from pipeline.references.protocol import BACKENDS
+from pipeline.references.protocol import ReferenceRequest
 from pipeline.store import DamagedEntryError, Store, create_store
 from pipeline.sweep import Sweep
 from pipeline.worker import RenderTask, ScoreTask, render_cell, score_cell
+from scenes.errors import PenumbraError
 
 T = TypeVar("T", RenderTask, ScoreTask)
 REFERENCES = "references"
@@ -48,6 +50,7 @@ class _Work:
     store: Store
     executor: Executor
     listener: Listener
+    requests: Mapping[str, ReferenceRequest]
     failures: list[str] = field(default_factory=list[str])
 
 
@@ -55,16 +58,19 @@ def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, listener:
     """Make what the folder `root` lacks of the sweep; a cell that fails is told in the summary and does not stop the others.
 
     name: of the sweep, for messages and the manifest. PenumbraError where a scene cannot be read, before anything is
-    written; where the folder cannot be written; where another run is at work in it; where a reference cannot be made.
+    written; where the folder cannot be written or holds the run of another sweep; where another run is at work in it; where a
+    reference cannot be made.
     """
     plans = lay_out(sweep, name)
     store = create_store(root)
     left_out = tuple(item for plan in plans for item in plan.left_out)
     for item in left_out:
         listener.note(describe(item))
-    work = _Work(name, sweep, plans, store, executor, listener)
+    work = _Work(name, sweep, plans, store, executor, listener, _requests(plans))
     with store.locked():
-        store.write_manifest(_manifest(work))
+        manifest = _manifest(work)
+        _check_folder(store, manifest)
+        store.write_manifest(manifest)
         references = _references(work)
         cells = _cells(work)
         scores = _scores(work, references)
@@ -78,7 +84,7 @@ def _manifest(work: _Work) -> Manifest:
     studies = [
         StudyEntry(
             name=plan.study.name,
-            cells=[CellEntry(key=cell.key, job=cell.job, score=_score_key(plan, cell)) for cell in plan.cells],
+            cells=[CellEntry(key=cell.key, job=cell.job, score=_score_key(work, plan, cell)) for cell in plan.cells],
             left_out=list(plan.left_out),
         )
         for plan in work.plans
@@ -96,24 +102,47 @@ def _version(backend: str) -> str:
     return BACKENDS[backend].version()
 
 
-def _score_key(plan: StudyPlan, cell: Cell) -> str:
+def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
+    """What to ask for each reference, by key: the most that a study wants of it, so that all studies see the same image."""
+    requests: dict[str, ReferenceRequest] = {}
+    for plan in plans:
+        for key in {_reference_key(plan, variant) for variant in plan.variants}:
+            one, other = plan.request, requests.get(key, plan.request)
+            requests[key] = replace(one, spp=max(one.spp, other.spp), batches=max(one.batches, other.batches))
+    return requests
+
+
+def _check_folder(store: Store, manifest: Manifest) -> None:
+    """PenumbraError where the folder's manifest names cells that would be forgotten if `manifest` took its place."""
+    try:
+        lost = replaces(store.read_manifest(), manifest)
+    except PenumbraError:  # none yet, or of a version whose cells this one could not read anyway
+        return
+    if lost:
+        raise PenumbraError(f"{store.root}: {lost}; name another folder")
+
+
+def _score_key(work: _Work, plan: StudyPlan, cell: Cell) -> str:
     """The content address of a cell's scores: another image, reference, metric or formula gives another."""
-    parts = (cell.key, _reference_key(plan, cell.variant), plan.study.metrics, metrics_fingerprint(), SCHEMA_VERSION)
+    reference = _reference_key(plan, cell.variant)
+    wanted = work.requests[reference]
+    parts = (cell.key, reference, wanted, plan.study.metrics, metrics_fingerprint(), SCHEMA_VERSION)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
-METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator")
+METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator", "colour-science")
 
 
 @cache
 def metrics_fingerprint() -> str:
-    """SHA-256 over the sources of the metrics and their statistics, and the versions of the libraries behind them.
+    """SHA-256 over the sources of the metrics, their statistics and their regions, and the versions of the libraries behind them.
 
     A changed formula or library scores anew and renders nothing.
     """
     here = Path(__file__).parent
     digest = hashlib.sha256(repr([(name, version(name)) for name in METRIC_LIBRARIES]).encode())
-    for path in sorted([*(here / "metrics").glob("*.py"), *(here / "statistics").glob("*.py"), here / "scoring.py"]):
+    own = [here / name for name in ("scoring.py", "regions.py", "worker.py")]
+    for path in sorted([*(here / "metrics").glob("*.py"), *(here / "statistics").glob("*.py"), *own]):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
@@ -128,7 +157,7 @@ def _references(work: _Work) -> dict[str, StoredReference]:
             made[key] = reference_for(
                 variant.scene,
                 plan.study.reference.backend,
-                plan.request,
+                work.requests[key],
                 work.store.root / REFERENCES,
                 lambda share, done=done: update(done + share),
             )
@@ -160,7 +189,7 @@ def _score_tasks(work: _Work, references: Mapping[str, StoredReference]) -> Iter
             stored = references[_reference_key(plan, cell.variant)]
             metrics = tuple(plan.study.metrics)
             info = to_info(stored, root)
-            yield ScoreTask(root, _score_key(plan, cell), cell.key, cell.job, metrics, stored.path.parent, info)
+            yield ScoreTask(root, _score_key(work, plan, cell), cell.key, cell.job, metrics, stored.path.parent, info)
 
 
 def _missing(work: _Work, key: str, read: Callable[[str], BaseModel | None]) -> bool:

@@ -4,6 +4,7 @@
     cells/<key>/{record.json,image.exr,state.npz}       one finished render; state.npz is its film in float64
     references/...                                      as `pipeline.references.cache` lays them out
     scores/<key>/{card.json,error.exr}                  one render scored against one reference
+    regions/<key>/{map.json,regions.exr}                which part of a scene's picture is lit, penumbra, umbra ... (pipeline/region_maps.py)
     report/                                             what `penumbra report` wrote
 
 Cells and scores are addressed by content, written whole (see `pipeline.entries`) and verified when read, so

@@ -6,6 +6,7 @@
     name = "samples"
     scenes = ["soft-shadow"]                 # library names, or paths relative to this file
     metrics = ["mse", "relmse"]
+    baseline = "pyrender"                    # a rasterised picture, at the cheap end of error against time
     reference = { backend = "mitsuba", spp = 4096, batches = 64 }
 
     [study.axes]
@@ -24,7 +25,7 @@ import difflib
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast, get_args
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -91,7 +92,10 @@ class Axes(_Strict):
 
 
 class Study(_Strict):
-    """One question put to some scenes. `over` is the axis that a plot of it runs along: `spp` or a parameter."""
+    """One question put to some scenes. `over` is the axis that a plot of it runs along: `spp` or a parameter.
+
+    baseline: what to put at the cheap end of a plot of error against time, see `pipeline.baseline`.
+    """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
     title: str = ""
@@ -99,6 +103,7 @@ class Study(_Strict):
     scenes: Names
     metrics: Names
     over: str = "spp"
+    baseline: Literal["pyrender"] | None = None
     reference: ReferenceDeclaration = ReferenceDeclaration()
     axes: Axes
 
@@ -107,6 +112,8 @@ class Study(_Strict):
         allowed = ["spp", *self.axes.parameters]
         if self.over not in allowed:
             raise ValueError(f"over = {self.over!r} is no axis of this study; allowed: {', '.join(allowed)}")
+        if self.baseline and self.over != "spp":
+            raise ValueError(f'baseline = {self.baseline!r} is a point of error against time, which needs over = "spp"')
         return self
 
 
@@ -174,8 +181,8 @@ def _resolved(scenes: Sequence[str], folder: Path) -> list[str]:
 def _unknown_names(sweep: Sweep) -> Iterator[str]:
     """One line for each name that no registry knows, under the key path where it stands."""
     # Imported here: the registries bring the renderer with them, which a reader of manifests can do without.
+    from pipeline.backends import BACKENDS
     from pipeline.metrics.protocol import METRICS
-    from pipeline.references.protocol import BACKENDS
     from renderer.estimators.protocol import ESTIMATORS
     from renderer.samplers.protocol import SAMPLERS
 

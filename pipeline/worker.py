@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.job import JobResult, PreparedScene, prepare, run_job
+from pipeline.baseline.entry import NAME as BASELINE
+from pipeline.job import PreparedScene, prepare, run_job
 from pipeline.metrics.protocol import Estimate, Reference
-from pipeline.record import Job, ReferenceInfo, ScoreCard
+from pipeline.rasterised import run_baseline
+from pipeline.record import Job, Record, ReferenceInfo, RegionMap, ScoreCard
 from pipeline.references.cache import STATE
-from pipeline.scoring import score
+from pipeline.region_maps import region_map
+from pipeline.regions import Regions
+from pipeline.scoring import score, score_regions
+from pipeline.self_reference import judges_itself
 from pipeline.store import Store
 from renderer import render
+from renderer.arrays import Floats
+from renderer.estimators.protocol import ESTIMATORS, RADIANCE
 from renderer.film import Film
 from renderer.samplers.protocol import SAMPLERS
 from scenes.errors import PenumbraError
@@ -52,26 +59,30 @@ def render_cell(task: RenderTask) -> str:
     job = task.job
     parameters = tuple(job.parameters.items())
     scene = _scene(job.scene, parameters, task.scene_hash)
-    _warm_up(job.scene, parameters, task.scene_hash, job.estimator, job.sampler)
-    result = run_job(job, scene)
-    if result.record.key != task.key:
+    if job.estimator == BASELINE:
+        record, film = run_baseline(job, scene)
+        tail = np.zeros(0)
+    else:
+        _warm_up(job.scene, parameters, task.scene_hash, job.estimator, job.sampler)
+        result = run_job(job, scene)
+        record, film, tail = result.record, result.render.film, result.render.tail
+    if record.key != task.key:
         raise PenumbraError("the renderer's sources changed while the run was at work; run it again")
-    _store(Store(task.root), result)
+    _store(Store(task.root), record, film, tail)
     return task.key
 
 
-def _store(store: Store, result: JobResult) -> None:
-    record, film = result.record, result.render.film
+def _store(store: Store, record: Record, film: Film, tail: Floats) -> None:
     metadata = {"record": record.model_dump_json()}
     store.write_cell(
         record,
-        lambda path: write_estimate_exr(path, film.mean, result.render.variance, film.count, metadata),
+        lambda path: write_estimate_exr(path, film.mean, film.variance_of_mean(), film.count, metadata),
         {
             "count": film.count,
             "mean": film.mean,
             "m2": film.m2,
             "maximum": film.maximum,
-            "tail": result.render.tail,
+            "tail": tail,
         },
     )
 
@@ -94,26 +105,53 @@ def _warm_up(
 
 
 def score_cell(task: ScoreTask) -> str:
-    """Score a cell by every metric of its study and store the card with its maps. Returns its key."""
+    """Score a cell by every metric of its study, whole and by region, and store the card with its maps. Returns its key."""
+    why = judges_itself(task.info.backend, task.job.estimator)
+    if why:
+        raise PenumbraError(why)
     store = Store(task.root)
-    measured = score(_estimate(store, task), _reference(task.reference, task.info.batches), task.metrics)
+    described, regions = _regions(store, task)
+    reference = _with_umbra(_reference(task.reference, task.info.batches), regions)
+    measured = score(_estimate(store, task), reference, task.metrics)
     maps = {name: found.map for name, found in measured.items() if found.map is not None}
     card = ScoreCard(
         cell=task.cell,
         reference=task.info,
         scores={name: found.score for name, found in measured.items()},
         error_map=f"scores/{task.key}/error.exr" if maps else None,
+        regions=score_regions(measured, regions.masks()) if regions else {},
+        region_map=described,
     )
     store.write_score(task.key, card, (lambda path: write_exr(path, maps)) if maps else None)
     return task.key
 
 
 def _estimate(store: Store, task: ScoreTask) -> Estimate:
-    """The image; its variance only where the samples tell it: two or more of a sampler whose samples are independent."""
+    """The image, alone where it has no samples; its variance only where the samples tell it: two or more of a sampler whose samples are independent."""
     state = store.read_state(task.cell)
+    if task.job.estimator == BASELINE:
+        return Estimate(state["mean"])
     film = Film(state["count"], state["mean"], state["m2"], state["maximum"])
-    known = SAMPLERS[task.job.sampler].independent and task.job.spp > 1
-    return Estimate(film.mean, film.variance_of_mean() if known else None)
+    known = task.job.spp > 1 and SAMPLERS[task.job.sampler].independent
+    variance = film.variance_of_mean() if known else None
+    return Estimate(film.mean, variance, film.count.astype(np.float64), film.maximum)
+
+
+def _regions(store: Store, task: ScoreTask) -> tuple[RegionMap | None, Regions | None]:
+    """The regions of the cell's picture; none where not light is estimated."""
+    record = store.read_cell(task.cell, verify=False)
+    light = task.job.estimator == BASELINE or ESTIMATORS[task.job.estimator].quantity == RADIANCE
+    if record is None or not light:
+        return None, None
+    scene = _scene(task.job.scene, tuple(task.job.parameters.items()), record.scene_hash)
+    return region_map(task.root, scene) or (None, None)
+
+
+def _with_umbra(reference: Reference, regions: Regions | None) -> Reference:
+    """The umbra is what both hold to be dark: no sample of the visibility pass arrived, and none of the reference's."""
+    if regions is None or regions.dark.shape != reference.mean.shape[:2]:
+        return reference
+    return replace(reference, umbra=regions.dark & ~np.any(reference.mean != 0, axis=-1))
 
 
 @functools.lru_cache(maxsize=REFERENCES_KEPT)

@@ -12,38 +12,82 @@ from numpy.typing import NDArray
 from renderer.arrays import Floats
 from renderer.bounds import TOLERANCE, ShapeBounds, shape_bounds
 from renderer.camera import Camera, make_camera
-from renderer.intersect import Triangles, make_triangles
-from renderer.lights.protocol import LIGHTS, LightKind
+from renderer.coordinates import Coordinates, coordinates
+from renderer.intersect import Triangles
+from renderer.lights.environment import EnvironmentLights
+from renderer.lights.protocol import LIGHTS, LightKind, Source
 from renderer.materials.protocol import MATERIALS, MaterialKind
-from renderer.quadrics import Quadrics, disk, join, rectangle, sphere
-from scenes.description import BilinearMesh, Disk, SceneDescription, ShapeDescription, Sphere, TriangleMesh
-from scenes.errors import PenumbraError, SceneError
+from renderer.quadrics import Quadrics
+from renderer.shapes import all_quadrics, all_triangles, by_formula
+from scenes.description import SceneDescription, ShapeDescription
+from scenes.errors import SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """All that sends out light: the shapes that emit, in their order, then the lights that are no shapes.
+
+    shape: (q,) which shape each is, -1 for none. of_shape: (s,) its inverse, -1 for shapes that do not emit. names: (q,).
+    """
+
+    all: tuple[Source, ...]
+    shape: NDArray[np.int64]
+    of_shape: NDArray[np.int64]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Lights:
+    """K lights in all, numbered kind by kind: a source is one light, or one for each face of a mesh.
+
+    source: (K,) what each is part of. pmf, cdf: (K,) the chance of choosing it, every source being equally likely, and
+    the running sum of that. delta: (K,) whether it is never met by chance. quadric: (K,) and triangle: (K,) the
+    primitive that it is, -1 for none; of_quadric, of_triangle: their inverses. environment: what surrounds the scene,
+    and the number of its light.
+    """
+
+    kinds: tuple[LightKind, ...]
+    source: NDArray[np.int64]
+    pmf: Floats
+    cdf: Floats
+    delta: NDArray[np.bool_]
+    quadric: NDArray[np.int64]
+    triangle: NDArray[np.int64]
+    of_quadric: NDArray[np.int64]
+    of_triangle: NDArray[np.int64]
+    environment: tuple[EnvironmentLights, int] | None
+
+    def __len__(self) -> int:
+        return self.source.size
 
 
 @dataclass(frozen=True, eq=False)
 class RenderScene:
-    """A scene as arrays. s shapes, K lights in all, numbered kind by kind.
+    """A scene as arrays, of s shapes.
 
-    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,).
-    light_shape, light_quadric: (K,) which shape and which quadric each light is. quadric_light: its inverse, -1 for none.
-    material_of: (s,) which of the materials each shape has. touch: world units; surfaces nearer than this to each other count as touching. seconds_build: wall clock.
+    glow: the triangles that emit alone; None where none does.
+    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). pictures: images (h, w, 3) that shapes
+    multiply their radiance by. coordinates: what textures are laid by; None where nothing varies.
+    material_of: (s,) which of the materials each shape has. touch: world units; surfaces nearer than this to each other
+    count as touching. far: world units, beyond everything from any point of the scene. seconds_build: wall clock.
     """
 
     description: SceneDescription
     camera: Camera
     triangles: Triangles | None
     quadrics: Quadrics
-    lights: tuple[LightKind, ...]
+    sources: Sources
+    lights: Lights
+    glow: Triangles | None
     materials: tuple[MaterialKind, ...]
     bounds: tuple[ShapeBounds, ...]
     emission: Floats
     two_sided: NDArray[np.bool_]
-    light_shape: NDArray[np.int64]
-    light_quadric: NDArray[np.int64]
-    quadric_light: NDArray[np.int64]
+    pictures: tuple[tuple[int, Floats], ...]
+    coordinates: Coordinates | None
     material_of: NDArray[np.int64]
-    light_names: tuple[str, ...]
     touch: float
+    far: float
     seconds_build: float
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
@@ -56,63 +100,125 @@ class RenderScene:
 
 
 def build(scene: SceneDescription) -> RenderScene:
-    """Arrays, BVH and lights of a scene. Raises SceneError where a shape is beyond this renderer, PenumbraError without lights."""
+    """Arrays, BVH and lights of a scene. Raises SceneError where a shape or a light is beyond this renderer."""
     start = time.perf_counter()
     shapes = scene.shapes
-    if not any(s.emission is not None for s in shapes):
-        raise PenumbraError(f"scene {scene.name!r} has no lights: nothing in it would be lit or seen")
-    quadrics = _quadrics(shapes)
-    lights, names = _lights(shapes)
-    light_shape = np.concatenate([kind.shape for kind in lights])
-    black = np.zeros(3)
-    light_quadric = _own_quadrics(light_shape, quadrics)
-    quadric_light = np.full(len(quadrics), -1)
-    quadric_light[light_quadric] = np.arange(light_quadric.size)
+    sources, triangles, quadrics = _sources(scene), all_triangles(shapes), all_quadrics(shapes)
+    lights = _lights(sources, triangles, quadrics)
+    glowing = lights.of_triangle >= 0
     materials, bounds = _materials(shapes), tuple(shape_bounds(s) for s in shapes)
+    size, far = _size(bounds, scene)
+    black = np.zeros(3)
     return RenderScene(
         description=scene,
         camera=make_camera(scene.camera, scene.film),
-        triangles=_triangles(shapes),
+        triangles=triangles,
         quadrics=quadrics,
+        sources=sources,
         lights=lights,
+        glow=triangles.only(glowing) if triangles is not None and glowing.any() else None,
         materials=materials,
         bounds=bounds,
-        emission=np.stack([s.emission.radiance if s.emission else black for s in shapes], axis=1),
-        two_sided=np.array([s.emission is not None and s.emission.two_sided for s in shapes]),
-        light_shape=light_shape,
-        light_quadric=light_quadric,
-        quadric_light=quadric_light,
-        material_of=np.array([[kind.accepts(s) for kind in materials].index(True) for s in shapes]),
-        light_names=names,
-        touch=4 * TOLERANCE * _size(bounds, scene),
+        emission=np.stack([s.emission.radiance if s.emission else black for s in shapes] or [black], axis=1),
+        two_sided=np.array([s.emission is not None and s.emission.two_sided for s in shapes], dtype=np.bool_),
+        pictures=tuple(
+            (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
+        ),
+        coordinates=coordinates(shapes),
+        material_of=np.array([[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64),
+        touch=4 * TOLERANCE * size,
+        far=far,
         seconds_build=time.perf_counter() - start,
     )
 
 
-def _size(bounds: Sequence[ShapeBounds], scene: SceneDescription) -> float:
-    """The largest coordinate of the scene and its camera: what the rounding of points scales with."""
-    extents = np.array([b.extent(np.eye(3)) for b in bounds])
-    return float(max(np.abs(extents).max(), np.abs(scene.camera.camera_to_world[:3, 3]).max()))
+def _size(bounds: Sequence[ShapeBounds], scene: SceneDescription) -> tuple[float, float]:
+    """The largest coordinate of the scene and its camera, which the rounding of points scales with; and a length from any
+    point of the scene to beyond all of it."""
+    axes = np.eye(3)
+    eye = scene.camera.camera_to_world[:3, 3]
+    low = np.min([eye, *(b.extent(axes)[0] for b in bounds)], axis=0)
+    high = np.max([eye, *(b.extent(axes)[1] for b in bounds)], axis=0)
+    return float(np.abs([low, high]).max()), 2 * float(np.linalg.norm(high - low))
 
 
-def _lights(shapes: Sequence[ShapeDescription]) -> tuple[tuple[LightKind, ...], tuple[str, ...]]:
-    """All lights kind by kind, and a name for each."""
-    emitting = [i for i, s in enumerate(shapes) if s.emission is not None]
-    kinds: list[LightKind] = []
-    names: list[str] = []
+def _sources(scene: SceneDescription) -> Sources:
+    emitting = [i for i, s in enumerate(scene.shapes) if s.emission is not None]
+    everything: tuple[Source, ...] = (*(scene.shapes[i] for i in emitting), *scene.lights)
+    of_shape = np.full(len(scene.shapes), -1, dtype=np.int64)
+    of_shape[emitting] = np.arange(len(emitting))
+    shape = np.array([*emitting, *(-1 for _ in scene.lights)], dtype=np.int64)
+    names = tuple(f"{_kind(source)} {i}" for i, source in enumerate(everything))
+    return Sources(everything, shape, of_shape, names)
+
+
+def _kind(source: Source) -> str:
+    """The name of the kind of light that takes a source; SceneError where none does."""
     for name, kind in LIGHTS.items():
-        mine = [i for i in emitting if kind.accepts(shapes[i])]
-        emitting = [i for i in emitting if i not in mine]
+        if kind.accepts(source):
+            return name
+    what = type(source.geometry).__name__ if isinstance(source, ShapeDescription) else type(source).__name__
+    raise SceneError(f"an emitting {what} is not supported; lights are: {', '.join(LIGHTS.names())}", source.where)
+
+
+def _lights(sources: Sources, triangles: Triangles | None, quadrics: Quadrics) -> Lights:
+    kinds: list[LightKind] = []
+    for name, kind in LIGHTS.items():
+        mine = [i for i, source in enumerate(sources.all) if _kind(source) == name]
         if mine:
-            made = kind.make([shapes[i] for i in mine], mine)
-            names += [f"{name} {len(names) + j}" for j in range(made.shape.size)]
-            kinds.append(made)
-    for i in emitting:
-        kind_name = type(shapes[i].geometry).__name__
-        raise SceneError(
-            f"an emitting {kind_name} is not supported; lights are: {', '.join(LIGHTS.names())}", shapes[i].where
-        )
-    return tuple(kinds), tuple(names)
+            kinds.append(kind.make([sources.all[i] for i in mine], mine))
+    source = np.concatenate([np.zeros(0, dtype=np.int64), *(kind.source for kind in kinds)])
+    share = np.concatenate([np.zeros(0), *(kind.share for kind in kinds)])
+    pmf = share / max(len(sources.all), 1)
+    quadric, triangle = _primitives(sources, source, triangles, quadrics)
+    delta = np.concatenate([np.zeros(0, dtype=np.bool_), *(np.full(k.source.size, k.delta) for k in kinds)])
+    return Lights(
+        kinds=tuple(kinds),
+        source=source,
+        pmf=pmf,
+        cdf=np.cumsum(pmf),
+        delta=delta,
+        quadric=quadric,
+        triangle=triangle,
+        of_quadric=_inverse(quadric, len(quadrics)),
+        of_triangle=_inverse(triangle, 0 if triangles is None else triangles.shape.size),
+        environment=_environment(kinds),
+    )
+
+
+def _environment(kinds: Sequence[LightKind]) -> tuple[EnvironmentLights, int] | None:
+    """What surrounds the scene; SceneError where a scene has more than one environment."""
+    first = 0
+    for kind in kinds:
+        if isinstance(kind, EnvironmentLights):
+            if kind.source.size > 1:
+                raise SceneError("the scene has more than one environment light: one at most is supported")
+            return kind, first
+        first += kind.source.size
+    return None
+
+
+def _primitives(
+    sources: Sources, source: NDArray[np.int64], triangles: Triangles | None, quadrics: Quadrics
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(K,) each: the quadric and the triangle that each light is. The j-th light of a shape is its j-th primitive."""
+    shape = sources.shape[source]
+    _, first, own = np.unique(source, return_index=True, return_inverse=True)
+    order = np.arange(source.size) - first[own]
+    exact = np.array([isinstance(s, ShapeDescription) and by_formula(s) for s in sources.all], dtype=np.bool_)[source]
+    none = np.full(source.size, -1, dtype=np.int64)
+    quadric = np.where(exact, np.searchsorted(quadrics.shape, shape) + order, none)
+    if triangles is None:
+        return quadric, none
+    return quadric, np.where((shape >= 0) & ~exact, np.searchsorted(triangles.shape, shape) + order, none)
+
+
+def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """(count,): the position of each number in which (K,), -1 for those that are not in it."""
+    out = np.full(count, -1, dtype=np.int64)
+    rows = np.flatnonzero(which >= 0)
+    out[which[rows]] = rows
+    return out
 
 
 def _materials(shapes: Sequence[ShapeDescription]) -> tuple[MaterialKind, ...]:
@@ -121,54 +227,3 @@ def _materials(shapes: Sequence[ShapeDescription]) -> tuple[MaterialKind, ...]:
         if not any(kind.accepts(s) for kind in kinds):
             raise SceneError(f"material {type(s.material).__name__} is not supported", s.where)
     return tuple(kind.make(shapes) for kind in kinds)
-
-
-def _quadrics(shapes: Sequence[ShapeDescription]) -> Quadrics:
-    """Spheres, disks, and the rectangles that emit, in the order of shapes."""
-    return join([one for i, s in enumerate(shapes) for one in _own(i, s)])
-
-
-def _own(i: int, s: ShapeDescription) -> list[Quadrics]:
-    """The quadrics of shape i."""
-    g = s.geometry
-    if isinstance(g, Sphere):
-        return [sphere(i, g.center, g.radius, g.reverse)]
-    if isinstance(g, Disk):
-        return [disk(i, g.center, g.normal, g.radius)]
-    if isinstance(g, BilinearMesh) and s.emission is not None:
-        return [rectangle(i, corners, g.reverse) for corners in g.vertices[g.faces]]
-    return []
-
-
-def _triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
-    """All triangles and all patches that do not emit, as one mesh; None without any."""
-    vertices: list[Floats] = []
-    faces: list[NDArray[np.int64]] = []
-    shape: list[NDArray[np.int64]] = []
-    reverse: list[NDArray[np.bool_]] = []
-    offset = 0
-    for i, s in enumerate(shapes):
-        g = s.geometry
-        if isinstance(g, TriangleMesh):
-            own = g.faces
-        elif isinstance(g, BilinearMesh) and s.emission is None:
-            own = np.concatenate([g.faces[:, [0, 1, 3]], g.faces[:, [0, 3, 2]]])
-        else:
-            continue
-        vertices.append(g.vertices)
-        faces.append(own + offset)
-        shape.append(np.full(len(own), i, dtype=np.int64))
-        reverse.append(np.full(len(own), g.reverse))
-        offset += len(g.vertices)
-    if not vertices:
-        return None
-    return make_triangles(
-        np.concatenate(vertices), np.concatenate(faces), np.concatenate(shape), np.concatenate(reverse)
-    )
-
-
-def _own_quadrics(light_shape: NDArray[np.int64], quadrics: Quadrics) -> NDArray[np.int64]:
-    """(K,) the quadric that each light is: the j-th light of a shape is the shape's j-th quadric."""
-    first = np.searchsorted(quadrics.shape, light_shape)
-    same = light_shape[:, None] == light_shape
-    return first + np.tril(same, -1).sum(axis=1)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats, dot, normalize
+from renderer.pixel_filter import offsets
 from scenes.description import Film, PerspectiveCamera
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """origin: (3, 1). corner, du, dv: (3, 1), so that a film point (x, y) in pixels is looked at along corner + x du + y dv."""
+    """origin: (3, 1). offsets: from u (2, n) to places (2, n) about a pixel, see `pixel_filter`. corner, du, dv: (3, 1), so that a film point (x, y) in pixels is looked at along corner + x du + y dv."""
 
     origin: Floats
     corner: Floats
@@ -21,14 +23,16 @@ class Camera:
     dv: Floats
     width: int
     height: int
+    offsets: Callable[[Floats], Floats]
 
     def rays(self, pixel: NDArray[np.int64], u: Floats) -> Floats:
-        """Unit directions (3, n) through points of pixels, uniform over each pixel (box filter).
+        """Unit directions (3, n) through points of pixels, as the pixel filter has them.
 
         pixel: (n,) row-major indices. u: (2, n) in [0, 1).
         """
-        x = pixel % self.width + u[0]
-        y = pixel // self.width + u[1]
+        dx, dy = self.offsets(u)
+        x = pixel % self.width + dx
+        y = pixel // self.width + dy
         d = self.du * x
         d += self.dv * y
         d += self.corner
@@ -37,10 +41,11 @@ class Camera:
     def sees(self, points: Floats) -> bool:
         """Whether a convex hull of points (3, m) may be in view: False only if it lies wholly outside one side of the frustum."""
         v = points - self.origin
-        a = self.corner
-        b = a + self.du * self.width
-        c = b + self.dv * self.height
-        d = a + self.dv * self.height
+        low, high = self.offsets(np.zeros((2, 1))), self.offsets(np.ones((2, 1)))
+        left, top = float(low[0, 0]), float(low[1, 0])
+        right, bottom = self.width - 1 + float(high[0, 0]), self.height - 1 + float(high[1, 0])
+        a, b = (self.corner + self.du * x + self.dv * top for x in (left, right))
+        d, c = (self.corner + self.du * x + self.dv * bottom for x in (left, right))
         forward = (a + c) / 2
         sides = ((a, b), (b, c), (c, d), (d, a))
         for first, second in sides:
@@ -59,4 +64,6 @@ def make_camera(description: PerspectiveCamera, film: Film) -> Camera:
     linear = m[:3, :3]
     right, up, forward = (linear[:, i : i + 1] for i in range(3))
     corner = forward - right * (pixel * film.width / 2) + up * (pixel * film.height / 2)
-    return Camera(m[:3, 3:4].copy(), corner, right * pixel, -up * pixel, film.width, film.height)
+    return Camera(
+        m[:3, 3:4].copy(), corner, right * pixel, -up * pixel, film.width, film.height, offsets(film.pixel_filter)
+    )

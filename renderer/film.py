@@ -77,6 +77,64 @@ class PixelSums:
         self.count = n
 
 
+class RatioSums:
+    """As `PixelSums`, for estimators whose pixel is D + A S/U: light seen directly, and three means of samples.
+
+    The variance is that of the linearised ratio (the delta method) [owen2013, sec. 2.7], from the covariance of the four; so is m2.
+    """
+
+    def __init__(self, pixels: int) -> None:
+        self.count = 0
+        self.maximum = np.zeros((3, pixels))
+        self.reflected = np.zeros(pixels)
+        self._mean = np.zeros((4, 3, pixels))
+        self._products = np.zeros((4, 4, 3, pixels))
+
+    def add(self, direct: Floats, shadowed: Floats, closed: Floats, unshadowed: Floats) -> None:
+        """Merge one block: D, S, A and U, each (3, b, p), sample-major, b at most BLOCK."""
+        self.reflected += _sum_samples(luminance(shadowed)[None])[0]
+        np.maximum(self.maximum, shadowed.max(axis=1), out=self.maximum)
+        block = np.stack([direct, shadowed, closed, unshadowed])  # (4, 3, b, p)
+        b = block.shape[2]
+        mean = np.stack([_sum_samples(part) for part in block]) / b
+        deviation = block - mean[:, :, None, :]
+        n = self.count + b
+        delta = mean - self._mean
+        for i in range(4):
+            for j in range(4):
+                self._products[i, j] += _sum_samples(deviation[i] * deviation[j])
+                self._products[i, j] += delta[i] * delta[j] * (self.count * b / n)
+        self._mean += delta * (b / n)
+        self.count = n
+
+    @property
+    def mean(self) -> Floats:
+        """(3, p): D + A S/U, and D alone where not one sample could have found light."""
+        direct, _, closed, _ = self._mean
+        return direct + closed * self._share
+
+    @property
+    def m2(self) -> Floats:
+        """(3, p): g' C g for the gradient g of the pixel in D, S, A and U."""
+        _, _, closed, unshadowed = self._mean
+        slope = _quotient(closed, unshadowed)
+        gradient = (np.ones_like(closed), slope, self._share, -slope * self._share)
+        out = np.zeros_like(closed)
+        for i in range(4):
+            for j in range(4):
+                out += gradient[i] * gradient[j] * self._products[i, j]
+        return np.maximum(out, 0.0)
+
+    @property
+    def _share(self) -> Floats:
+        return _quotient(self._mean[1], self._mean[3])
+
+
+def _quotient(a: Floats, b: Floats) -> Floats:
+    """a / b, 0 where b is 0."""
+    return np.divide(a, b, out=np.zeros_like(a), where=b != 0)
+
+
 def _sum_samples(block: Floats) -> Floats:
     """Sum over samples in their order, one ufunc a sample: never `sum`, whose order depends on strides and shape."""
     out = block[:, 0].copy()

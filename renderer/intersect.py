@@ -42,13 +42,14 @@ class Triangles:
     largest: float
     center: Floats
     scale: float
-    mesh: tuple[NDArray[np.float32], NDArray[np.int32]]  # what Embree was given
+    mesh: tuple[NDArray[np.float32], NDArray[np.int32]]  # all of them, in Embree's units
+    member: NDArray[np.int64]  # those that Embree was given
     bvh: EmbreeScene
 
     def only(self, keep: NDArray[np.bool_]) -> Triangles:
-        """The same triangles with a BVH of those to keep (t,): for shadow rays, which ask for no index."""
+        """The same triangles, of which only those to keep (t,) are met."""
         vertices, faces = self.mesh
-        return replace(self, bvh=_bvh(vertices, np.ascontiguousarray(faces[keep])))
+        return replace(self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep])))
 
     def closest(self, o: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """First triangle on each ray: distance (n,) in float64, inf for none, and its index (n,), -1 for none.
@@ -61,14 +62,28 @@ class Triangles:
             start = start + d * ahead
         else:
             start = np.broadcast_to(start, d.shape)
+        return self._first(o, start, d)
+
+    def closest_from(
+        self, p: Floats, n: Floats, triangle: NDArray[np.int64], wi: Floats
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """As `closest`, for rays wi (3, n) that leave surfaces: p, n: (3, n) points and normals, triangle: (n,) as in `occluded`."""
+        return self._first(p, self._lifted(p, n, self._own(triangle)), wi)
+
+    def _first(self, o: Floats, start: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """The hits of rays that start at `start` (3, n) in Embree's units, their distances from o (3, n) or (3, 1)."""
         hit: NDArray[np.int32] = self.bvh.run(start.astype(np.float32).T, d.astype(np.float32).T)
-        index = hit.astype(np.int64)
-        row = np.maximum(index, 0)
+        row = self.member.take(np.maximum(hit, 0))
+        index = np.where(hit >= 0, row, -1)
         normal = self.normal.take(row, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             t = dot(self.v0.take(row, axis=1) - o, normal) / dot(d, normal)
         found = (index >= 0) & (t > 0)
         return np.where(found, t, np.inf), np.where(found, index, -1)
+
+    def _own(self, triangle: NDArray[np.int64]) -> Floats:
+        """(n,) the bounds of the triangles that points lie on, 0 for none."""
+        return np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
 
     def occluded(self, p: Floats, n: Floats, triangle: NDArray[np.int64], y: Floats, ny: Floats) -> NDArray[np.bool_]:
         """(n,): whether a triangle lies between points p and points y on lights.
@@ -77,14 +92,18 @@ class Triangles:
         one that p lies on, -1 for none. Both ends are lifted off their surfaces, so that neither p's own triangle nor
         what touches the light from behind lies in between; what is nearer than that to either is not seen.
         """
-        own = np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
-        start = self._lifted(p, n, own)
+        start = self._lifted(p, n, self._own(triangle))
         way = self._lifted(y, ny, self.largest) - start
         reach = np.ones(p.shape[1], dtype=np.float32)
         out: NDArray[np.int32] = self.bvh.run(
             start.astype(np.float32).T, way.astype(np.float32).T, dists=reach, query="OCCLUDED"
         )
         return out == 0
+
+    @property
+    def lift(self) -> float:
+        """How far off its surface, at most, a ray starts; world units. Slivers apart."""
+        return self.largest * ROUNDINGS * ULP
 
     def _lifted(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
         """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of ulp."""
@@ -108,7 +127,9 @@ def make_triangles(
     largest = float(np.abs(vertices - center).max() + np.ptp(corners, axis=1).max())
     mesh = (((vertices - center) * scale).astype(np.float32), faces.astype(np.int32))
     first = np.ascontiguousarray(corners[:, 0].T)
-    return Triangles(first, normal, shape, bound, largest, center[:, None], scale, mesh, _bvh(*mesh))
+    return Triangles(
+        first, normal, shape, bound, largest, center[:, None], scale, mesh, np.arange(len(faces)), _bvh(*mesh)
+    )
 
 
 def _bounds(corners: Floats, center: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Shapes met by formula, in float64: spheres, disks and emitting rectangles, as hits and as occluders.
+"""Shapes met by formula, in float64: spheres, disks, emitting rectangles and small emitting meshes, as hits and as occluders.
 
 Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor is still above it.
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.arrays import Floats, dot
 
-RECTANGLE, DISK, SPHERE = 0, 1, 2
+RECTANGLE, DISK, SPHERE, TRIANGLE = 0, 1, 2, 3
 BLOCK = 8  # quadrics tested at once: bounds the (block, n) temporaries
 
 
@@ -21,8 +21,9 @@ BLOCK = 8  # quadrics tested at once: bounds the (block, n) temporaries
 class Quadrics:
     """All quadrics of a scene, told apart by `kind`; unused parameters are 0.
 
-    kind: (k,) RECTANGLE, DISK or SPHERE. shape: (k,). origin: (3, k), a rectangle's corner or a centre.
-    x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths. normal: (3, k), the emitting side of flat ones.
+    kind: (k,) RECTANGLE, DISK, SPHERE or TRIANGLE. shape: (k,). origin: (3, k), a corner or a centre.
+    x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose products with a point's
+    offset are its coordinates along the two edges. normal: (3, k), the emitting side of flat ones.
     radius: (k,). side: (k,), -1 for a sphere whose normal points inwards.
     """
 
@@ -97,7 +98,7 @@ class Quadrics:
         return np.where(sphere, on_sphere, on_plane), np.where(sphere, radial * self.side[which], self.normal[:, which])
 
     def _blocks(self, among: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        for kind in (RECTANGLE, DISK, SPHERE):
+        for kind in (RECTANGLE, DISK, SPHERE, TRIANGLE):
             members = among[self.kind[among] == kind]
             for start in range(0, members.size, BLOCK):
                 yield kind, members[start : start + BLOCK]
@@ -134,7 +135,11 @@ class Quadrics:
                 inside = dot(on, on) <= self.radius[block, None] ** 2
             else:
                 a, b = dot(on, self.x[:, block, None]), dot(on, self.y[:, block, None])
-                inside = (a >= 0) & (a <= self.lx[block, None]) & (b >= 0) & (b <= self.ly[block, None])
+                inside = (a >= 0) & (b >= 0)
+                if kind == RECTANGLE:
+                    inside &= (a <= self.lx[block, None]) & (b <= self.ly[block, None])
+                else:
+                    inside &= a + b <= 1
         t = np.where(inside, t, -np.inf)
         return t, np.full_like(t, -np.inf)
 
@@ -172,6 +177,17 @@ def rectangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
         normal = np.cross(ex, ey)
         normal = normal / np.linalg.norm(normal) * (-1.0 if reverse else 1.0)
         return _single(RECTANGLE, shape, corners[0], x=ex / lx, y=ey / ly, lx=lx, ly=ly, normal=normal)
+
+
+def triangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
+    """One triangle. corners: (3, 3), a corner a row; one without area gets NaN, and is refused as a light."""
+    a, b = corners[1] - corners[0], corners[2] - corners[0]
+    normal = np.cross(a, b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square = normal @ normal
+        x, y = np.cross(b, normal) / square, np.cross(normal, a) / square
+        normal = normal / np.sqrt(square) * (-1.0 if reverse else 1.0)
+    return _single(TRIANGLE, shape, corners[0], x=x, y=y, normal=normal)
 
 
 def _single(

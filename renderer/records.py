@@ -17,6 +17,7 @@ class SurfaceHit:
     p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the surface.
     shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
     triangle, quadric: (n,) int64, the primitive that the point lies on, -1 for none.
+    uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures.
     """
 
     p: Floats
@@ -25,13 +26,27 @@ class SurfaceHit:
     shape: NDArray[np.int64]
     triangle: NDArray[np.int64]
     quadric: NDArray[np.int64]
+    uv: Floats
+
+    def take(self, rows: NDArray[np.int64]) -> SurfaceHit:
+        """The points of some rows (m,)."""
+        return SurfaceHit(
+            self.p.take(rows, axis=1),
+            self.n.take(rows, axis=1),
+            self.wo.take(rows, axis=1),
+            self.shape[rows],
+            self.triangle[rows],
+            self.quadric[rows],
+            self.uv if self.uv.shape[1] == 1 else self.uv.take(rows, axis=1),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class LightSample:
-    """Directions to light. wi: (3, n) unit. dist: (n,). normal: (3, n) or (3, 1) unit, the light's, either side. radiance: (3, n) or (3, 1), Le towards the reference point.
+    """Directions to light. wi: (3, n) unit. dist: (n,), inf for a light at infinity. normal: (3, n) or (3, 1) unit, the light's, either side; -wi where it has none.
 
-    pdf: (n,) 1/sr. valid: (n,) bool; where it is False the other fields are meaningless and the sample counts as zero.
+    radiance: (3, n) or (3, 1), Le towards the reference point; of a light of one direction only, the irradiance on a surface facing it.
+    pdf: (n,) 1/sr; 1 for a light of one direction only. valid: (n,) bool; where it is False the other fields are meaningless and the sample counts as zero.
     """
 
     wi: Floats

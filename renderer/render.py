@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from renderer.arrays import Floats, dot
 from renderer.build import RenderScene, build
-from renderer.estimators.protocol import ESTIMATORS, Estimator
-from renderer.film import BLOCK, TAIL, Film, PixelSums, keep_largest, luminance
-from renderer.plan import RenderPlan, make_plan
+from renderer.emission import with_pictures
+from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Estimator
+from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
+from renderer.limits import check
+from renderer.plan import RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
 from renderer.samplers.protocol import SAMPLERS, Sampler
 from scenes.description import SceneDescription
@@ -55,13 +57,18 @@ class _Pass:
     sampler: Sampler
     spp: int
 
+    @property
+    def ratio(self) -> bool:
+        """Whether a pixel is a ratio of means."""
+        return self.estimator.ratio
+
 
 @dataclass(frozen=True, eq=False)
 class _Chunk:
     """Some whole pixels, done."""
 
     pixel: NDArray[np.int64]
-    sums: PixelSums
+    sums: PixelSums | RatioSums
     tail: Floats
     reflected: int
     nonfinite: int
@@ -71,7 +78,7 @@ class _Chunk:
 def render(
     scene: SceneDescription | RenderScene,
     *,
-    estimator: str = "area",
+    estimator: str | Estimator = "mis",
     sampler: str = "independent",
     spp: int = 16,
     seed: int = 0,
@@ -83,14 +90,16 @@ def render(
 ) -> RenderResult:
     """Render the direct light of a scene.
 
-    estimator, sampler: names from their registries. spp: samples a pixel. keep: prunings not to make, see `plan.py`.
+    estimator, sampler: names from their registries; an estimator of one's own also as itself. spp: samples a pixel. keep: prunings not to make, see `plan.py`.
     threads, rows: how the work is cut, without effect on a single bit of the image. progress: called with the share done.
     Raises PenumbraError for unknown names, spp < 1, a seed below 0, and where the estimator does not apply to the scene.
     """
     built = scene if isinstance(scene, RenderScene) else build(scene)
-    chosen = ESTIMATORS[estimator]
+    chosen = ESTIMATORS[estimator] if isinstance(estimator, str) else estimator
     _check(built, chosen, spp, seed)
-    plan = make_plan(built, prune, keep)
+    plan = make_plan(built, prune, keep) if chosen.quantity == RADIANCE else plan_occlusion(built)
+    if chosen.quantity == RADIANCE:
+        check(built, plan if prune and not keep else make_plan(built))
     work = _Pass(built, plan, chosen, SAMPLERS[sampler](seed, spp), spp)
     start, cpu = time.perf_counter(), time.process_time()
     chunks = _run(work, threads, rows, progress)
@@ -115,8 +124,11 @@ def _check(built: RenderScene, estimator: Estimator, spp: int, seed: int) -> Non
         raise PenumbraError(f"spp is {spp}: at least 1 sample a pixel is needed")
     if seed < 0:
         raise PenumbraError(f"seed is {seed}: seeds are 0 or more")
+    name = built.description.name
+    if estimator.quantity == RADIANCE and not built.sources.all:
+        raise PenumbraError(f"scene {name!r} has no lights: nothing in it would be lit or seen")
     if why := estimator.refuses(built.description):
-        raise PenumbraError(f"estimator {estimator.name!r} does not apply to scene {built.description.name!r}: {why}")
+        raise PenumbraError(f"estimator {estimator.name!r} does not apply to scene {name!r}: {why}")
 
 
 def _run(work: _Pass, threads: int, rows: int, progress: Callable[[float], None] | None) -> list[_Chunk]:
@@ -137,70 +149,91 @@ def _run(work: _Pass, threads: int, rows: int, progress: Callable[[float], None]
 
 def _chunk(work: _Pass, pixels: NDArray[np.int64]) -> _Chunk:
     """All samples of some pixels, a block of samples at a time."""
-    sums = PixelSums(pixels.size)
+    sums = RatioSums(pixels.size) if work.ratio else PixelSums(pixels.size)
     tail = np.zeros(0)
     reflected, nonfinite, rays = 0, 0, RayCounts()
     for first in range(0, work.spp, BLOCK):
         samples = np.arange(first, min(first + BLOCK, work.spp))
         pixel, sample = np.tile(pixels, samples.size), np.repeat(samples, pixels.size)
-        direct, bounced, count, traced = _samples(work, pixel, sample)
+        direct, bounced, ratio, count, traced = _samples(work, pixel, sample)
         total = direct + bounced
         nonfinite += int(total.size / 3 - np.isfinite(total).all(axis=0).sum())
         brightness = luminance(bounced)
         floor = tail[-1] if tail.size == TAIL else 0.0
         tail = keep_largest(np.concatenate([tail, brightness[brightness > floor]]))
         shape = (3, samples.size, pixels.size)
-        sums.add(total.reshape(shape), bounced.reshape(shape))
+        if isinstance(sums, RatioSums):
+            sums.add(*(v.reshape(shape) for v in (direct, bounced, *ratio)))
+        else:
+            sums.add(total.reshape(shape), bounced.reshape(shape))
         reflected += count
         rays += traced
     return _Chunk(pixels, sums, tail, reflected, nonfinite, rays)
 
 
-def _samples(work: _Pass, pixel: NDArray[np.int64], sample: NDArray[np.int64]) -> tuple[Floats, Floats, int, RayCounts]:
-    """One sample a row: emission seen (3, n), reflected light (3, n), the number of points shaded, the rays traced."""
+def _samples(
+    work: _Pass, pixel: NDArray[np.int64], sample: NDArray[np.int64]
+) -> tuple[Floats, Floats, tuple[Floats, ...], int, RayCounts]:
+    """One sample a row: emission seen (3, n), reflected light (3, n), what a ratio takes beside it, each (3, n), the number
+    of points shaded, the rays traced."""
     scene, plan = work.scene, work.plan
     d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, 2))
     hit, direct, rows = _first_hits(scene, plan, d)
     bounced = np.zeros_like(d)
+    ratio = (np.zeros_like(d), np.zeros_like(d)) if work.ratio else ()
     if not rows.size:
-        return direct, bounced, 0, RayCounts(d.shape[1])
+        return direct, bounced, ratio, 0, RayCounts(d.shape[1])
     count = work.estimator.dimensions(scene)
     u = work.sampler.uniform(pixel[rows], sample[rows], 2, count)
     light = work.estimator.estimate(scene, plan, hit, u)
     bounced[:, rows] = light.radiance
-    return direct, bounced, rows.size, RayCounts(d.shape[1], light.shadow_rays)
+    for out, part in zip(ratio, light.ratio or (), strict=True):
+        out[:, rows] = part
+    return direct, bounced, ratio, rows.size, RayCounts(d.shape[1], light.shadow_rays)
 
 
 def _first_hits(scene: RenderScene, plan: RenderPlan, d: Floats) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
     """What camera rays d (3, n) meet: the points to shade, the emission seen (3, n), and the rows (m,) of those points."""
     o = scene.camera.origin
-    t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), None)
+    none = np.full(d.shape[1], -1, dtype=np.int64)
+    t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), none)
     near, quadric = scene.quadrics.closest(plan.in_view, o, d)
     curved = near < t + scene.touch  # a lamp or a mat in the plane of a triangle lies on it, whatever rounding says
     t = np.where(curved, near, t)
-    quadric = np.where(curved, quadric, -1)
-    shape = (
-        np.full(d.shape[1], -1)
-        if triangle is None or scene.triangles is None
-        else np.where(triangle >= 0, scene.triangles.shape[np.maximum(triangle, 0)], -1)
-    )
+    triangle, quadric = np.where(curved, -1, triangle), np.where(curved, quadric, -1)
+    shape = none if scene.triangles is None else np.where(triangle >= 0, scene.triangles.shape[triangle], -1)
     if curved.any():
-        shape = np.where(curved, scene.quadrics.shape[np.maximum(quadric, 0)], shape)
-    direct = _emission(scene, d, t, shape, quadric) if plan.emits else np.zeros_like(d)
-    rows = np.flatnonzero((shape >= 0) & plan.receivers[np.maximum(shape, 0)])
-    triangle = np.full(rows.size, -1) if triangle is None else np.where(curved, -1, triangle)[rows]
-    return _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle, quadric[rows]), direct, rows
+        shape = np.where(curved, scene.quadrics.shape[quadric], shape)
+    direct = _emission(scene, d, t, shape, quadric, triangle) if plan.emits else np.zeros_like(d)
+    rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if scene.bounds else none[:0]
+    hit = _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle[rows], quadric[rows])
+    return hit, direct, rows
 
 
-def _emission(scene: RenderScene, d: Floats, t: Floats, shape: NDArray[np.int64], quadric: NDArray[np.int64]) -> Floats:
-    """(3, n) radiance of lights that rays d (3, n) see from their emitting side."""
+def _emission(
+    scene: RenderScene,
+    d: Floats,
+    t: Floats,
+    shape: NDArray[np.int64],
+    quadric: NDArray[np.int64],
+    triangle: NDArray[np.int64],
+) -> Floats:
+    """(3, n) radiance of lights that rays d (3, n) see from their emitting side, and of what surrounds the scene."""
     out = np.zeros_like(d)
-    rows = np.flatnonzero((quadric >= 0) & np.isin(shape, scene.light_shape))
+    rows = (
+        np.flatnonzero((shape >= 0) & (scene.sources.of_shape[shape] >= 0))
+        if scene.bounds
+        else np.flatnonzero(shape > 0)
+    )
     if rows.size:
         mine, own = d.take(rows, axis=1), shape[rows]
-        _, normal = scene.quadrics.surface(quadric[rows], scene.camera.origin + mine * t[rows])
+        p, normal = _normals(scene, scene.camera.origin + mine * t[rows], triangle[rows], quadric[rows])
         front = (dot(mine, normal) < 0) | scene.two_sided[own]
-        out[:, rows] = np.where(front, scene.emission.take(own, axis=1), 0.0)
+        le = with_pictures(scene, scene.emission.take(own, axis=1), quadric[rows], p)
+        out[:, rows] = np.where(front, le, 0.0)
+    if scene.lights.environment is not None:
+        rows = np.flatnonzero(shape < 0)
+        out[:, rows] = scene.lights.environment[0].radiance_along(np.zeros_like(rows), d.take(rows, axis=1))
     return out
 
 
@@ -213,15 +246,23 @@ def _surface(
     quadric: NDArray[np.int64],
 ) -> SurfaceHit:
     """Points and normals of hits; normals on the side that the ray comes from."""
-    p = scene.camera.origin + d * t
+    p, n = _normals(scene, scene.camera.origin + d * t, triangle, quadric)
+    n = np.where(dot(n, d) > 0, -n, n)
+    uv = np.zeros((2, 1)) if scene.coordinates is None else scene.coordinates.at(p, triangle, quadric)
+    return SurfaceHit(p, n, -d, shape, triangle, quadric, uv)
+
+
+def _normals(
+    scene: RenderScene, p: Floats, triangle: NDArray[np.int64], quadric: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Points p (3, n) moved onto their surfaces, and the geometric normals there (3, n)."""
     n = np.zeros_like(p)
     if scene.triangles is not None:
         n = scene.triangles.normal.take(np.maximum(triangle, 0), axis=1)
     curved = np.flatnonzero(quadric >= 0)
     if curved.size:
         p[:, curved], n[:, curved] = scene.quadrics.surface(quadric[curved], p.take(curved, axis=1))
-    n = np.where(dot(n, d) > 0, -n, n)
-    return SurfaceHit(p, n, -d, shape, triangle, quadric)
+    return p, n
 
 
 def _film(scene: RenderScene, chunks: list[_Chunk]) -> tuple[Film, float]:

@@ -24,6 +24,15 @@ def concentric_disk(u: Floats) -> Floats:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
+def uniform_triangle(u: Floats) -> tuple[Floats, Floats]:
+    """Uniform barycentric weights (n,), (n,) of a triangle's second and third corner: the square folded in place [heitz2019].
+
+    u: (2, n) in [0, 1).
+    """
+    less = np.minimum(u[0], u[1])
+    return u[0] - 0.5 * less, u[1] - 0.5 * less
+
+
 def uniform_sphere(u: Floats) -> Floats:
     """Uniform unit vectors, pdf 1/(4 pi). u: (2, n). Returns (3, n)."""
     z = 1.0 - 2.0 * u[0]

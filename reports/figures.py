@@ -19,11 +19,12 @@ from plotly.offline import get_plotlyjs
 from pipeline.statistics.slopes import Slope
 from reports.axes import SOFT, Span, layout, span
 from reports.formats import interval, sig, slope_text
-from reports.select import Measure, Panel, Point, Series
+from reports.measures import Measure
+from reports.select import Panel, Point, Series
 from reports.trends import fitted_slope
 
 COLORS = ("#b4531f", "#1f5f8b", "#3f7d4e", "#8a4b8f", "#a07a12", "#5b6770")
-BOUND, REFUSED = "triangle-down-open", "x-thin"
+BOUND, REFUSED, DRAWN = "triangle-down-open", "x-thin", "star-square-open"
 DASHES = ("solid", "dash", "dot", "dashdot")
 SYMBOLS = ("circle", "square", "diamond", "pentagon")
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
@@ -91,13 +92,14 @@ def _slopes(panel: Panel) -> dict[str, Slope]:
 
 def _figure(panel: Panel, x: Callable[[Point], float], title: str, slopes: dict[str, Slope]) -> go.Figure:
     points = [point for series in panel.series for point in series.points]
+    points += [panel.baseline] if panel.baseline else []
     across, up = span([x(p) for p in points]), span([e for p in points for e in _ends(p.rmse)])
     figure = go.Figure(layout=layout(title, across, "RMSE, radiance (W/(m² sr))", up))
     looks = styles(panel)
     for series in panel.series:
         for trace in _traces(series, looks[series.label], x, up, slopes.get(series.label)):
             figure.add_trace(trace)
-    for trace in [*_guides(panel, across, slopes), *_key(points)]:
+    for trace in [*_guides(panel, across, slopes), *_baseline(panel, x), *_key(points)]:
         figure.add_trace(trace)
     return figure
 
@@ -118,6 +120,25 @@ def _traces(
     if refused:
         traces.append(_markers(series, look, refused, x, [up.top] * len(refused), REFUSED))
     return traces
+
+
+def _baseline(panel: Panel, x: Callable[[Point], float]) -> list[go.Scatter]:
+    """The rasterised picture, a marker by itself: there is no line that more time would follow."""
+    point, name = panel.baseline, panel.study.baseline
+    if point is None or point.rmse.value is None:
+        return []
+    lines = [f"<b>{name}</b>: rasterised, biased", _error_line(point), f"time {sig(point.seconds.value)} s"]
+    marker = go.Scatter(
+        x=[x(point)],
+        y=[point.rmse.value],
+        error_y=_bars([point], SOFT, 0.0),
+        name=f"{name}: rasterised,<br>no shadows, biased",
+        mode="markers",
+        marker=_mark(SOFT, DRAWN),
+        text=["<br>".join(lines)],
+        hovertemplate="%{text}<extra></extra>",
+    )
+    return [marker]
 
 
 def _key(points: Sequence[Point]) -> list[go.Scatter]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pipeline.record import Job
 from pipeline.statistics.intervals import Interval
 from pipeline.statistics.slopes import Slope
-from reports.select import Measure
+from reports.measures import Measure
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 DASH = "–"

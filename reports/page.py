@@ -13,6 +13,7 @@ from reports.album import Album, make_album
 from reports.figures import error_against_parameter, error_against_time, html, plotly_source
 from reports.formats import job_line, scene_title, settings
 from reports.origin import tell_origin
+from reports.region_table import region_table
 from reports.select import Panel, StudyView, select_studies
 from reports.tables import Table, error_table, plan_table, samples_table
 from reports.viewer import flip_script, flipbook_source
@@ -41,7 +42,7 @@ class Promise:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A panel as the template needs it. anchor: its id; plot: HTML of its figure; samples: only along a parameter."""
+    """A panel as the template needs it. anchor: its id; plot: HTML of its figure; samples: only along a parameter; regions: where cells are scored by region."""
 
     anchor: str
     title: str
@@ -50,6 +51,7 @@ class Section:
     plot: str
     table: Table
     samples: Table | None
+    regions: Table | None
     album: Album | None
 
 
@@ -89,6 +91,7 @@ def _section(run: Run, view: StudyView, panel: Panel, number: int) -> Section:
         html(figure, f"{anchor}-plot"),
         error_table(panel),
         samples_table(panel) if along else None,
+        region_table(panel),
         make_album(run.root, panel),
     )
 

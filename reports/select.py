@@ -12,31 +12,15 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from pipeline.manifest import CellEntry, LeftOut, StudyEntry
-from pipeline.record import Job, Record, ReferenceInfo, SampleStatistics, Score
-from pipeline.statistics.intervals import Interval, efficiency, mean_interval, replicate_mse
+from pipeline.record import Job, Record, ReferenceInfo, SampleStatistics
+from pipeline.statistics.intervals import Interval, mean_interval
 from pipeline.store import FinishedCell, FinishedStudy, Run
 from pipeline.sweep import Study
+from reports.measures import Measure, efficiency_of, measure_all, root_of
 
 T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
 Settings = tuple[tuple[str, float], ...]  # scene parameters and their values
-SQUARED = ("mse", "relmse")  # means of squares: noise of the reference is subtracted from them, and may drown them
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A figure with its 95 % interval; bound: an upper bound. value None: there is no number to show, `note` says why."""
-
-    value: float | None
-    low: float | None = None
-    high: float | None = None
-    bound: bool = False
-    note: str = ""
-
-    @property
-    def measured(self) -> bool:
-        """Whether `value` is an estimate, neither missing nor a bound."""
-        return self.value is not None and not self.bound
 
 
 @dataclass(frozen=True)
@@ -59,6 +43,17 @@ class Point:
         """Primary and shadow rays of one render, the mean over replicates."""
         counts = [cell.record.rays for cell in self.cells]
         return sum(c.primary for c in counts) // len(counts), sum(c.shadow for c in counts) // len(counts)
+
+    @property
+    def regions(self) -> dict[str, dict[str, Measure]]:
+        """Region of the picture to metric to measure, as `scores` is for the whole."""
+        cards = [cell.card.regions if cell.card else {} for cell in self.cells]
+        refused = None if self.trusted else self.verdict
+        names = list(dict.fromkeys(name for card in cards for name in card))
+        return {
+            name: measure_all([card[name].scores if name in card else None for card in cards], refused)
+            for name in names
+        }
 
     @property
     def doubted(self) -> int:
@@ -85,13 +80,15 @@ class Series:
 class Panel:
     """One figure's worth of a study: one scene, all held fixed but the axis `over` and what tells the series apart.
 
-    fixed: this panel's values of the other parameters that the study varies.
+    fixed: this panel's values of the other parameters that the study varies. baseline: the rasterised picture, biased and no part of
+    the comparison.
     """
 
     study: Study
     scene: str
     fixed: Settings
     series: tuple[Series, ...]
+    baseline: Point | None = None
 
     @property
     def constants(self) -> Settings:
@@ -159,12 +156,19 @@ def _fixed(study: Study, job: Job) -> Settings:
 
 
 def _panel(study: Study, scene: str, fixed: Settings, cells: Sequence[FinishedCell]) -> Panel:
-    groups = _grouped(cells, lambda cell: _series_key(study, cell.entry.job))
+    drawn = [cell for cell in cells if cell.entry.job.estimator == study.baseline]
+    groups = _grouped((c for c in cells if c not in drawn), lambda cell: _series_key(study, cell.entry.job))
     series = [
         Series(estimator, sampler, _label(study, estimator, sampler, spp), _points(study, members))
         for (estimator, sampler, spp), members in sorted(groups.items(), key=lambda item: _declared(study, item[0]))
     ]
-    return Panel(study, scene, fixed, tuple(series))
+    return Panel(study, scene, fixed, tuple(series), _baseline(study, drawn) if drawn else None)
+
+
+def _baseline(study: Study, cells: Sequence[FinishedCell]) -> Point:
+    """No time makes its error less, so that it has no efficiency."""
+    no_cost = Measure(None, note="biased: no time makes its error less")
+    return replace(_point(study, 1.0, cells), place="rasterised", efficiency=no_cost)
 
 
 def _label(study: Study, estimator: str, sampler: str, spp: int | None) -> str:
@@ -199,7 +203,7 @@ def _point(study: Study, x: float, cells: Sequence[FinishedCell]) -> Point:
     spp = cells[0].entry.job.spp
     seconds = mean_interval([cell.record.seconds.render for cell in cells])
     trusted, verdict = _verdict(cells)
-    scores = {name: _score(name, cells, None if trusted else verdict) for name in _metrics(cells)}
+    scores = measure_all([cell.card.scores if cell.card else None for cell in cells], None if trusted else verdict)
     mse = scores.get("mse", Measure(None, note="no mse was scored"))
     return Point(
         x,
@@ -208,8 +212,8 @@ def _point(study: Study, x: float, cells: Sequence[FinishedCell]) -> Point:
         tuple(cells),
         seconds,
         scores,
-        _root(mse),
-        _efficiency(mse, seconds),
+        root_of(mse),
+        efficiency_of(mse, seconds),
         trusted,
         verdict,
     )
@@ -225,49 +229,6 @@ def _verdict(cells: Sequence[FinishedCell]) -> tuple[bool, str]:
     if not doubted:
         return True, "ok"
     return False, f"untrustworthy, {len(doubted)} of {len(cells)}: {doubted[0].reason}"
-
-
-def _metrics(cells: Sequence[FinishedCell]) -> list[str]:
-    return _distinct(name for cell in cells if cell.card for name in cell.card.scores)
-
-
-def _score(name: str, cells: Sequence[FinishedCell], refused: str | None) -> Measure:
-    """The mean over replicates; without a number if the samples are not to be believed or a replicate has none."""
-    if refused is not None:
-        return Measure(None, note=refused)
-    scores = [cell.card.scores[name] for cell in cells if cell.card and name in cell.card.scores]
-    if len(scores) < len(cells):
-        return Measure(None, note=f"{len(cells) - len(scores)} of {len(cells)} replicates are not scored")
-    return _squared(scores) if name in SQUARED else _plain(scores)
-
-
-def _squared(scores: Sequence[Score]) -> Measure:
-    mean = replicate_mse(scores)
-    return Measure(mean.value, mean.low, mean.high, mean.bound, mean.note)
-
-
-def _plain(scores: Sequence[Score]) -> Measure:
-    values = [score.value for score in scores if score.value is not None]
-    if len(values) < len(scores):
-        return Measure(None, note=next(score.note for score in scores if score.value is None))
-    mean = mean_interval(values)
-    return Measure(mean.value, mean.low, mean.high, any(score.bound for score in scores))
-
-
-def _root(mse: Measure) -> Measure:
-    """RMSE from MSE: the ends of the interval go through the square root, which is monotonic."""
-    roots = [None if end is None else math.sqrt(max(end, 0.0)) for end in (mse.value, mse.low, mse.high)]
-    return replace(mse, value=roots[0], low=roots[1], high=roots[2])
-
-
-def _efficiency(mse: Measure, seconds: Interval) -> Measure:
-    """1 / (MSE x seconds); where the MSE is an upper bound it is a lower bound, which has no place among numbers to compare."""
-    if mse.value is None or mse.low is None or mse.high is None:
-        return Measure(None, note=mse.note)
-    if mse.bound or mse.value <= 0:
-        return Measure(None, note=mse.note or "the error is below the reference's noise")
-    found = efficiency(Interval(mse.value, mse.low, mse.high), seconds)
-    return Measure(found.value, found.low, found.high)
 
 
 def _grouped(items: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:

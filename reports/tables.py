@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 from pipeline.record import PlanDecision, RayCounts
 from reports.figures import color
 from reports.formats import DASH, ends, listing, millions, plain, power_of_ten, scene_title, sig
-from reports.select import Measure, Panel, Point, Series, Settings, varied
+from reports.measures import HIGHER, Measure
+from reports.select import Panel, Point, Series, Settings, varied
 
-# What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, or in the verdict.
+# What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, by region, or in the verdict.
 TITLES = {"relmse": "relMSE", "flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR"}
 UNITS = {"flip": "0 to 1", "ssim": "to 1", "psnr": "dB"}
-ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share")
+ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share", "umbra-leak")
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,27 @@ def error_table(panel: Panel) -> Table:
         Heading("verdict", words=True),
     )
     rows = (_error_row(panel, s, p, metrics, unit) for s in panel.series for p in panel.ordered(s))
-    return Table(headings, tuple(rows))
+    return Table(headings, (*rows, *_baseline_row(panel, metrics)))
+
+
+def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
+    """The rasterised picture, if there is one: no samples, no rays, and no efficiency, since no time makes its error less."""
+    point = panel.baseline
+    if point is None:
+        return []
+    verdict = Cell("biased", "no shadows, lights without size", "left", title=point.worst.reason)
+    cells = (
+        Cell(panel.study.baseline or "", kind="left"),
+        *([Cell(DASH, kind="left muted")] if len(panel.study.axes.sampler) > 1 else []),
+        Cell(DASH, kind="muted"),
+        value_cell(point.rmse),
+        *(value_cell(point.scores.get(name, Measure(None)), name in HIGHER) for name in metrics),
+        Cell(sig(point.seconds.value)),
+        Cell(DASH, kind="muted"),
+        value_cell(point.efficiency),
+        verdict,
+    )
+    return [Row(cells, first=True)]
 
 
 def _unit(found: Iterable[Measure]) -> int:
@@ -87,11 +108,11 @@ def _error_row(panel: Panel, series: Series, point: Point, metrics: Sequence[str
         *([Cell(series.sampler, kind="left")] if len(panel.study.axes.sampler) > 1 else []),
         *(() if panel.study.over == "spp" else (Cell(plain(point.x)),)),
         Cell(f"{point.spp:,}"),
-        _value(point.rmse),
-        *(_value(point.scores.get(name, Measure(None)), short=True) for name in metrics),
+        value_cell(point.rmse),
+        *(value_cell(point.scores.get(name, Measure(None)), name in HIGHER) for name in metrics),
         Cell(sig(point.seconds.value), title=f"95 %: {ends(point.seconds)} s"),
         Cell(millions(primary), f"+ {millions(shadow)}"),
-        _value(_scaled(point.efficiency, 10.0**-unit)),
+        value_cell(_scaled(point.efficiency, 10.0**-unit)),
         _verdict(point),
     )
     return Row(cells, first=point is panel.ordered(series)[0])
@@ -102,13 +123,14 @@ def _scaled(found: Measure, factor: float) -> Measure:
     return replace(found, value=value, low=low, high=high)
 
 
-def _value(found: Measure, short: bool = False) -> Cell:
-    """A number with its interval (short: on hover only); an upper bound says so; nothing where nothing may be said."""
+def value_cell(found: Measure, higher: bool = False) -> Cell:
+    """A number with its interval; a bound says which way (higher: a lower one); nothing where nothing may be said."""
     if found.value is None:
         return Cell(DASH, kind="muted", title=found.note)
     if found.bound:
-        return Cell(f"< {sig(found.value)}", kind="muted", title=found.note or "below the reference's noise")
-    return Cell(sig(found.value), range="" if short else ends(found), title=f"95 %: {ends(found)}" if short else "")
+        sign = ">" if higher else "<"
+        return Cell(f"{sign} {sig(found.value)}", kind="muted", title=found.note or "below the reference's noise")
+    return Cell(sig(found.value), range=ends(found))
 
 
 def _verdict(point: Point) -> Cell:

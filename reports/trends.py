@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from pipeline.statistics.intervals import Interval, product
 from pipeline.statistics.slopes import Slope, fit_slope
-from reports.select import Measure, Panel, Point, Series
+from reports.measures import Measure
+from reports.select import Panel, Point, Series
 
 
 @dataclass(frozen=True)

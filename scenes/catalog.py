@@ -35,14 +35,15 @@ def _library_scene(path: Path) -> LibraryScene:
     return LibraryScene(path.stem, path, header.title, header.doc, header.parameters)
 
 
-def load(name_or_path: str, parameters: Values | None = None) -> SceneDescription:
+def load(name_or_path: str, parameters: Values | None = None, allow_outside: bool = False) -> SceneDescription:
     """Read a scene by library name or by path of a .pbrt file.
 
-    parameters: values of the template's `$name`s, finite numbers. PenumbraError where there is no such scene or
+    parameters: values of the template's `$name`s, finite numbers. allow_outside: whether files that the scene names may
+    lie outside its own folder. PenumbraError where there is no such scene or
     parameter, SceneError with file, line and column where the text is wrong.
     """
     path = find(name_or_path)
-    return parse_file(path, parameters, name_or_path if path.parent == LIBRARY else None)
+    return parse_file(path, parameters, name_or_path if path.parent == LIBRARY else None, allow_outside)
 
 
 def find(name_or_path: str) -> Path:

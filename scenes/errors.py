@@ -1,8 +1,11 @@
-"""Errors that are the user's to mend: one clear line, exit code 2, never a traceback."""
+"""Errors that are the user's to mend: clear lines, exit code 2, never a traceback."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+PLACES = 50  # how many places one message lists; a terminal holds about as many
 
 
 class PenumbraError(Exception):
@@ -22,12 +25,49 @@ class Location:
 
 
 class SceneError(PenumbraError):
-    """A scene that cannot be read or rendered: what, where, and what is allowed."""
+    """A scene that cannot be read or rendered: what, where, and what is allowed; one line, and one for each further place."""
 
-    def __init__(self, message: str, location: Location | None = None) -> None:
+    def __init__(self, message: str, location: Location | None = None, further: Sequence[str] = ()) -> None:
         self.message = _one_line(message)
         self.location = location
-        super().__init__(f"{location}: {self.message}" if location else self.message)
+        self._further = tuple(further)
+        first = f"{location}: {self.message}" if location else self.message
+        super().__init__("\n".join([first, *further]))
+
+    def __reduce__(self) -> tuple[type[SceneError], tuple[str, Location | None, tuple[str, ...]]]:
+        """For workers in other processes, whose errors are pickled: the lines stay lines."""
+        return type(self), (self.message, self.location, self._further)
+
+
+class Unsupported(SceneError):
+    """What the format allows and nothing here simulates. A parser that meets it reads on, to name all of them at once."""
+
+
+class Report:
+    """The places of a scene that ask for what is not simulated."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, tuple[str, Location]] = {}
+        self._count = 0
+
+    def add(self, message: str, where: Location) -> None:
+        """Note one place; the same place with the same message counts once while it is among those listed."""
+        line = f"{where}: {_one_line(message)}"
+        if line in self._found:
+            return
+        self._count += 1
+        if len(self._found) < PLACES:
+            self._found[line] = (message, where)
+
+    def check(self) -> None:
+        """One SceneError that lists the places, a line each and the first as its own, if there are any."""
+        if not self._found:
+            return
+        (message, where), lines = next(iter(self._found.values())), list(self._found)[1:]
+        more = self._count - len(self._found)
+        if more:
+            lines.append(f"and {more} more places that ask for what is not supported")
+        raise SceneError(message, where, lines)
 
 
 def _one_line(text: str) -> str:

@@ -11,7 +11,7 @@ import json
 import os
 import secrets
 import warnings
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +28,7 @@ Channels = dict[str, Array]
 
 _METADATA = "penumbra"  # one attribute holding JSON: OpenImageIO drops empty strings and cannot hold every key
 _RGB = ("R", "G", "B")
+TEXELS = 2**26  # of a texture: 1.6 GB as it is held
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +130,66 @@ def read_estimate_exr(path: str | Path) -> EstimateImage:
     mean = _stack(path, image.channels, _RGB)
     variance = _stack(path, image.channels, tuple(f"variance.{name}" for name in _RGB))
     return EstimateImage(mean, variance, _stack(path, image.channels, ("N",))[..., 0], image.metadata)
+
+
+def read_texture(path: str | Path, encoding: str = "sRGB") -> Array:
+    """Any image as (h, w, 3) float64, linear RGB, gray ones threefold; PenumbraError naming the path where it cannot be.
+
+    As in pbrt-v4: whole numbers are decoded, EXR, HDR and PFM are linear as they stand. encoding: "sRGB", "linear" or
+    "gamma 2.2" for what is decoded. Alpha is left out and not multiplied in. At most 2^26 texels.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise PenumbraError(f"{path}: no such image file")
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    config.attribute("pnm:pfmflip", 1)  # PFM begins with the last row; left to itself the reader decides now so, now so
+    source = oiio.ImageInput.open(str(path), config)
+    if source is None:
+        raise PenumbraError(f"{path}: not a readable image: {_first_line(oiio.geterror())}")
+    try:
+        spec = source.spec()
+        if spec.width * spec.height * max(spec.nchannels, 4) > 4 * TEXELS:
+            raise PenumbraError(
+                f"{path}: {spec.width} x {spec.height} texels of {spec.nchannels} channels; at most {TEXELS} of 4 are read"
+            )
+        pixels = source.read_image("float")
+        if pixels is None:
+            raise PenumbraError(f"{path}: corrupt or truncated image: {_first_line(source.geterror())}")
+    finally:
+        source.close()
+    planes = np.asarray(pixels, dtype=np.float64).reshape(spec.height, spec.width, -1)
+    rgb = _colour_planes(path, planes, spec.channelnames)
+    if not np.isfinite(rgb).all():
+        raise PenumbraError(f"{path}: a texel is not finite")
+    return rgb if str(spec.format) in ("float", "half", "double") else _decoded(rgb, encoding)
+
+
+def _colour_planes(path: Path, planes: Array, names: Sequence[str]) -> Array:
+    """The channels R, G and B, or the only one (beside alpha) threefold: (h, w, 3)."""
+    found = {name.upper(): i for i, name in enumerate(names)}
+    if all(name in found for name in _RGB):
+        return np.ascontiguousarray(planes[..., [found[name] for name in _RGB]])
+    gray = [i for name, i in found.items() if name not in ("A", "ALPHA")]
+    if len(gray) != 1:
+        raise PenumbraError(f"{path}: neither R, G and B nor one channel; there are: {', '.join(names)}")
+    return np.repeat(planes[..., gray], 3, axis=2)
+
+
+def _decoded(encoded: Array, encoding: str) -> Array:
+    words = encoding.split()
+    if words == ["linear"]:
+        return encoded
+    if words == ["sRGB"]:
+        low = encoded / 12.92
+        return np.where(encoded <= 0.04045, low, ((encoded + 0.055) / 1.055) ** 2.4)
+    try:
+        gamma = float(words[1]) if len(words) == 2 and words[0] == "gamma" else 0.0
+    except ValueError:
+        gamma = 0.0
+    if not 0 < gamma < np.inf:
+        raise PenumbraError(f'unknown encoding "{encoding}"; there are: sRGB, linear, gamma with its exponent')
+    return encoded**gamma
 
 
 def write_png(path: str | Path, rgb: Array, exposure: float = 0.0) -> None:

@@ -18,39 +18,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.errors import PenumbraError
+from scenes.files import read_bytes
 
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
+_NORMALS = ("nx", "ny", "nz")
+_UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))  # as pbrt knows them
 
 
 @dataclass(frozen=True, eq=False)
 class MeshFile:
-    """vertices: (m, 3) float64. triangles: (t, 3), quads: (q, 4) int64, corners in order round the face."""
+    """vertices: (m, 3) float64. triangles: (t, 3), quads: (q, 4) int64, corners in order round the face.
+
+    normals: (m, 3), uv: (m, 2) float64, None where the file has none.
+    """
 
     vertices: NDArray[np.float64]
     triangles: NDArray[np.int64]
     quads: NDArray[np.int64]
+    normals: NDArray[np.float64] | None = None
+    uv: NDArray[np.float64] | None = None
 
 
 def read_ply(path: Path) -> MeshFile:
-    """Read a PLY file, ASCII or binary; PenumbraError if it is damaged, or holds what is not supported.
+    """Read a PLY file, ASCII or binary, also compressed (.gz); PenumbraError if it is damaged, or holds what is not supported.
 
-    Not supported are vertex normals (pbrt shades with them) and faces of five corners and more (pbrt drops them).
+    Not supported are faces of five corners and more (pbrt drops them).
     """
-    try:
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise PenumbraError(f"cannot read {str(path)!r}: {reason}") from None
-    content = _parse(data, path)
-    if "vertex_normals" in content:
-        raise PenumbraError(f"{str(path)!r} has vertex normals; smooth shading is not supported yet: store it without")
+    content = _parse(read_bytes(path), path)
     elements = content["metadata"]["_ply_raw"]
     vertices = np.asarray(content.get("vertices", np.zeros((0, 3))), dtype=np.float64)
-    faces = _faces(elements.get("face", {}).get("data"), path)
+    triangles, quads, count = _faces(elements.get("face", {}).get("data"), path)
     declared = [elements.get(name, {}).get("length", 0) for name in ("vertex", "face")]
-    if [len(vertices), len(faces)] != declared or 0 in declared:
+    if [len(vertices), count] != declared or 0 in declared:
         raise PenumbraError(f"{str(path)!r} does not hold as many vertices and faces as its header says")
-    return _checked(MeshFile(vertices + 0.0, _with_corners(faces, 3), _with_corners(faces, 4)), len(faces), path)
+    data = elements["vertex"]["data"]
+    normals, uv = _columns(data, len(vertices), _NORMALS), _columns(data, len(vertices), *_UV)
+    return _checked(MeshFile(vertices + 0.0, triangles, quads, normals, uv), count, path)
+
+
+def _columns(data: Any, count: int, *choices: tuple[str, ...]) -> NDArray[np.float64] | None:
+    """The first set of properties that the vertices have all of: (m, k) float64."""
+    names = set(data.dtype.names or ()) if isinstance(data, np.ndarray) else set(data)
+    for choice in choices:
+        if names.issuperset(choice):
+            columns = [np.asarray(data[name], dtype=np.float64).reshape(count) for name in choice]
+            return np.stack(columns, axis=1) + 0.0
+    return None
 
 
 def _parse(data: bytes, path: Path) -> dict[str, Any]:
@@ -72,8 +85,8 @@ def _parse(data: bytes, path: Path) -> dict[str, Any]:
         logger.setLevel(level)
 
 
-def _faces(data: Any, path: Path) -> list[NDArray[np.int64]]:
-    """The corners of each face."""
+def _faces(data: Any, path: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    """The triangles (t, 3), the quadrilaterals (q, 4) and how many faces there are of any size."""
     names = data.dtype.names if isinstance(data, np.ndarray) else data
     name = next((n for n in _INDEX_NAMES if n in (names or ())), None)
     if name is None:
@@ -83,7 +96,12 @@ def _faces(data: Any, path: Path) -> list[NDArray[np.int64]]:
         if not np.all(column["f0"] == column["f1"].shape[1]):
             raise PenumbraError(f"{str(path)!r} mixes faces of different size: triangulate it")
         column = column["f1"]
-    return [np.asarray(face, dtype=np.int64) for face in column]
+    if isinstance(column, np.ndarray) and column.ndim == 2 and column.dtype != object:
+        corners = column.astype(np.int64)
+        sizes = [corners if corners.shape[1] == size else np.zeros((0, size), np.int64) for size in (3, 4)]
+        return sizes[0], sizes[1], len(corners)
+    faces = [np.asarray(face, dtype=np.int64) for face in column]
+    return _with_corners(faces, 3), _with_corners(faces, 4), len(faces)
 
 
 def _with_corners(faces: list[NDArray[np.int64]], corners: int) -> NDArray[np.int64]:
@@ -94,8 +112,9 @@ def _with_corners(faces: list[NDArray[np.int64]], corners: int) -> NDArray[np.in
 def _checked(mesh: MeshFile, faces: int, path: Path) -> MeshFile:
     if len(mesh.triangles) + len(mesh.quads) != faces:
         raise PenumbraError(f"{str(path)!r} has faces that are neither triangles nor quadrilaterals: triangulate it")
-    if not np.all(np.isfinite(mesh.vertices)):
-        raise PenumbraError(f"{str(path)!r} has a vertex that is not finite")
+    for values, name in ((mesh.vertices, "vertex"), (mesh.normals, "normal"), (mesh.uv, "texture coordinate")):
+        if values is not None and not np.all(np.isfinite(values)):
+            raise PenumbraError(f"{str(path)!r} has a {name} that is not finite")
     corners = np.concatenate([mesh.triangles.ravel(), mesh.quads.ravel()])
     if corners.min() < 0 or corners.max() >= len(mesh.vertices):
         raise PenumbraError(f"{str(path)!r} has a face with a vertex beyond its {len(mesh.vertices)} vertices")

@@ -1,25 +1,31 @@
-"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and an error for what nobody reads."""
+"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and a word on what nobody reads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.errors import Location, SceneError
+from scenes.errors import Location, Report, SceneError
+from scenes.numbers import Values
 from scenes.template import Bindings
 from scenes.tokens import Token
+
+Array = NDArray[np.float64]
 
 TYPES = (
     "bool", "float", "integer", "string", "rgb", "point2", "point3",
     "vector2", "vector3", "normal", "spectrum", "blackbody", "texture",
 )  # fmt: skip
+SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of older files
 INT32_MAX = 2**31 - 1
 
 T = TypeVar("T")
+Resolve = Callable[[str], Path]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +34,7 @@ class Parameter:
 
     type: str
     name: str
-    values: Sequence[Token]
+    values: Values
     where: Location
 
     def __str__(self) -> str:
@@ -36,13 +42,20 @@ class Parameter:
 
 
 class Parameters:
-    """The parameter list of one directive. Read everything that is supported, then call `finish`."""
+    """The parameter list of one directive. Read everything that is supported, then call `finish`.
 
-    def __init__(self, owner: str, where: Location, items: Sequence[Parameter], bindings: Bindings) -> None:
+    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this kind, one of each name; the directive's own override them.
+    """
+
+    def __init__(
+        self, owner: str, where: Location, items: Sequence[Parameter], bindings: Bindings, report: Report,
+        resolve: Resolve, defaults: Sequence[Parameter] = (),
+    ) -> None:  # fmt: skip
         self.owner = owner
         self.where = where
+        self.resolve = resolve
         self._bindings = bindings
-        self._unread: dict[str, Parameter] = {}
+        self._report = report
         self._supported: list[str] = []
         self._given: dict[str, Parameter] = {}
         for item in items:
@@ -50,6 +63,8 @@ class Parameters:
                 raise SceneError(f"{item} is given twice to {owner}", item.where)
             self._given[item.name] = item
         self._unread = dict(self._given)
+        for item in defaults:
+            self._given.setdefault(item.name, item)
 
     def located(self, name: str) -> Location:
         """Where `name` was given; where the directive stands if it was not."""
@@ -63,9 +78,13 @@ class Parameters:
         """A SceneError about `name`, located at it, to be raised by the caller."""
         return SceneError(message, self.located(name))
 
+    def unsupported(self, name: str, message: str) -> None:
+        """Report what `name` asks for as not simulated, and go on."""
+        self._report.add(message, self.located(name))
+
     def number(self, name: str, default: float) -> float:
-        """One `float`."""
-        return self._one("float", name, default, self._bindings.number)
+        """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a hash would."""
+        return self._one("float", name, default, self._bindings.number) + 0.0
 
     def integer(self, name: str, default: int) -> int:
         """One `integer`."""
@@ -75,63 +94,80 @@ class Parameters:
         """One `string`."""
         return self._one("string", name, default, _string)
 
+    def text_of(self, parameter: Parameter) -> str:
+        """The one string of a parameter that was taken."""
+        return _single(parameter, _string)
+
     def flag(self, name: str, default: bool) -> bool:
-        """One `bool`, written true or false without quotes."""
+        """One `bool`: true or false, in quotes if it must be."""
         return self._one("bool", name, default, _bool)
 
-    def rgb(self, name: str, default: float) -> NDArray[np.float64]:
-        """One `rgb`, three numbers none of which is negative: (3,) float64."""
-        parameter = self._take("rgb", name)
-        if parameter is None:
-            return np.full(3, default)
-        if len(parameter.values) != 3:
-            raise SceneError(f"{parameter} takes three numbers, not {len(parameter.values)}", parameter.where)
-        values = [self._bindings.number(token) for token in parameter.values]
-        for token, value in zip(parameter.values, values, strict=True):
-            if value < 0:
-                raise SceneError(f"{parameter} is negative: {value:g}", token.where)
-        return np.array(values) + 0.0
+    def point(self, name: str, default: tuple[float, float, float]) -> Array:
+        """One `point3`: (3,) float64."""
+        found = self.vectors("point3", name)
+        if found is not None and len(found) != 1:
+            raise self.fail(name, f'"point3 {name}" is one point, not {len(found)}')
+        return np.array(default) if found is None else found[0] + 0.0
 
-    def vectors(self, type_: str, name: str) -> NDArray[np.float64] | None:
+    def vectors(self, type_: str, name: str) -> Array | None:
         """All values of a `point3`, `point2` and the like as rows: (m, 3) or (m, 2) float64; None if not given."""
-        parameter = self._take(type_, name)
+        parameter = self.take(name, type_)
         if parameter is None:
             return None
         size = 2 if type_.endswith("2") else 3
-        if not parameter.values or len(parameter.values) % size:
+        if not len(parameter.values) or len(parameter.values) % size:
             count = len(parameter.values)
             raise SceneError(f"{parameter} takes groups of {size} numbers, not {count} numbers", parameter.where)
-        return np.array([self._bindings.number(token) for token in parameter.values]).reshape(-1, size)
+        return self.values(parameter).reshape(-1, size)
 
-    def integers(self, name: str) -> tuple[NDArray[np.int64], Sequence[Token]] | None:
+    def numbers(self, name: str) -> Array | None:
+        """All values of a `float` list, (m,) float64; None if not given."""
+        parameter = self.take(name, "float")
+        return None if parameter is None else self.values(parameter)
+
+    def integers(self, name: str) -> tuple[NDArray[np.int64], Values] | None:
         """All values of an `integer` list, (m,) int64, and their tokens for messages; None if not given."""
-        parameter = self._take("integer", name)
+        parameter = self.take(name, "integer")
         if parameter is None:
             return None
-        return np.array([self._whole(token) for token in parameter.values], dtype=np.int64), parameter.values
+        values = parameter.values
+        if values.whole:
+            array = self.values(parameter)
+            if not np.any(np.abs(array) > INT32_MAX):
+                return array.astype(np.int64), values
+        return np.array([self._whole(token) for token in values], dtype=np.int64), values
+
+    def values(self, parameter: Parameter) -> Array:
+        """The numbers of a parameter that was taken: (m,) float64."""
+        return parameter.values.array(self._bindings.number) + 0.0
+
+    def take(self, name: str, *types: str) -> Parameter | None:
+        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of these types."""
+        self._supported.extend(f"{type_} {name}" for type_ in types)
+        self._unread.pop(name, None)
+        parameter = self._given.get(name)
+        if parameter is not None and parameter.type not in types:
+            allowed = " or ".join(f'"{type_} {name}"' for type_ in types)
+            raise SceneError(f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where)
+        return parameter
+
+    def ignore(self) -> None:
+        """Take all that is left as read: it changes nothing here, or a larger part is not supported anyway."""
+        self._unread.clear()
 
     def finish(self) -> None:
-        """SceneError about the first parameter that nobody has read, saying what is supported."""
+        """Report each parameter that nobody has read, saying what is supported."""
         for parameter in self._unread.values():
-            supported = ", ".join(f'"{name}"' for name in self._supported) or "none"
-            raise SceneError(
+            supported = ", ".join(f'"{name}"' for name in dict.fromkeys(self._supported)) or "none"
+            self._report.add(
                 f"{parameter} is not supported by {self.owner}; supported parameters: {supported}", parameter.where
             )
 
-    def _take(self, type_: str, name: str) -> Parameter | None:
-        self._supported.append(f"{type_} {name}")
-        parameter = self._unread.pop(name, None)
-        if parameter is not None and parameter.type != type_:
-            raise SceneError(f'{parameter} of {self.owner} must be declared as "{type_} {name}"', parameter.where)
-        return parameter
-
     def _one(self, type_: str, name: str, default: T, convert: Callable[[Token], T]) -> T:
-        parameter = self._take(type_, name)
+        parameter = self.take(name, type_)
         if parameter is None:
             return default
-        if len(parameter.values) != 1:
-            raise SceneError(f"{parameter} takes one value, not {len(parameter.values)}", parameter.where)
-        return convert(parameter.values[0])
+        return _single(parameter, convert)
 
     def _whole(self, token: Token) -> int:
         value = self._bindings.number(token)
@@ -139,6 +175,12 @@ class Parameters:
         if decimal or value != int(value) or abs(value) > INT32_MAX:
             raise SceneError(f"{_shown(token, value)} is not a whole number of 32 bits", token.where)
         return int(value)
+
+
+def _single(parameter: Parameter, convert: Callable[[Token], T]) -> T:
+    if len(parameter.values) != 1:
+        raise SceneError(f"{parameter} takes one value, not {len(parameter.values)}", parameter.where)
+    return convert(parameter.values.token(0))
 
 
 def _shown(token: Token, value: float) -> str:
@@ -152,6 +194,6 @@ def _string(token: Token) -> str:
 
 
 def _bool(token: Token) -> bool:
-    if token.kind != "word" or token.text not in ("true", "false"):
-        raise SceneError(f"{token} is not a bool: write true or false, without quotes", token.where)
+    if token.text not in ("true", "false"):
+        raise SceneError(f"{token} is not a bool: write true or false", token.where)
     return token.text == "true"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from scenes.errors import Location, SceneError
-from scenes.tokens import Source, Token, read_source, tokenize
+from scenes.files import Files
+from scenes.numbers import Run, read_run
+from scenes.tokens import Source, Token, Tokenizer, read_source
 
 INCLUDE_DEPTH = 16
 INCLUDE_COUNT = 1000  # files that include each other twice would else grow as a power of two
@@ -15,22 +16,25 @@ INCLUDE_COUNT = 1000  # files that include each other twice would else grow as a
 class TokenStream:
     """Tokens one after another, through the files that `include` opens and back."""
 
-    def __init__(self, source: Source, start: int) -> None:
+    def __init__(self, source: Source, start: int, files: Files) -> None:
         self._main = source
-        self._stack: list[tuple[Source, Iterator[Token]]] = [(source, tokenize(source, start))]
+        self._files = files
+        self._stack: list[tuple[Tokenizer, Token | None]] = [(Tokenizer(source, start), None)]
         self._peeked: Token | None = None
         self._included = 0
 
     def next(self) -> Token | None:
-        """The next token; None at the end."""
+        """The next token, of kind "end" where an imported file is over; None at the end."""
         if self._peeked is not None:
             token, self._peeked = self._peeked, None
             return token
         while self._stack:
-            token = next(self._stack[-1][1], None)
+            token = self._stack[-1][0].next()
             if token is not None:
                 return token
-            self._stack.pop()
+            _, end = self._stack.pop()
+            if end is not None:
+                return end
         return None
 
     def peek(self) -> Token | None:
@@ -42,26 +46,28 @@ class TokenStream:
     def required(self, owner: Token, wanted: str) -> Token:
         """The next token; SceneError at `owner` where the file ends instead."""
         token = self.next()
-        if token is None:
+        if token is None or token.kind == "end":
             raise SceneError(f"the file ends after {owner}, which needs {wanted}", owner.where)
         return token
 
-    def resolve(self, name: str, token: Token) -> Path:
-        """A file named in the scene: relative to the file that names it, else, as in pbrt, to the main file."""
-        for source in (token.source, self._main):
-            if source.folder is not None:
-                path = source.folder / name
-                try:
-                    if path.exists():
-                        return path
-                except (OSError, ValueError) as error:
-                    raise SceneError(f"{name!r} is no file name: {error}", token.where) from None
-        return (token.source.folder or Path()) / name
+    def run(self) -> Run | None:
+        """The plain numbers that stand here, if they are many; None: read the next token."""
+        if self._peeked is not None or not self._stack:
+            return None
+        tokenizer = self._stack[-1][0]
+        run = read_run(tokenizer.source, tokenizer.offset)
+        if run is not None:
+            tokenizer.offset = run.end
+        return run
 
-    def include(self, name: str, token: Token) -> None:
-        """Continue with the file `name`; SceneError for cycles, depth and what cannot be read."""
-        path = self.resolve(name, token)
-        here = [Path(source.file).resolve() for source, _ in self._stack]
+    def find(self, name: str, token: Token) -> Path:
+        """A file named in the scene, at `token`."""
+        return self._files.find(name, token.source.folder, token.where)
+
+    def include(self, name: str, token: Token, end: Token | None = None) -> None:
+        """Continue with the file `name`, and give `end` when it is over; SceneError for cycles, depth and what cannot be read."""
+        path = self.find(name, token)
+        here = [Path(tokenizer.source.file).resolve() for tokenizer, _ in self._stack]
         if path.resolve() in here:
             raise SceneError(f"{name!r} includes itself", token.where)
         self._included += 1
@@ -69,8 +75,7 @@ class TokenStream:
             raise SceneError(
                 f"too many includes: at most {INCLUDE_DEPTH} inside each other and {INCLUDE_COUNT} in all", token.where
             )
-        source = read_source(path, token.where)
-        self._stack.append((source, tokenize(source)))
+        self._stack.append((Tokenizer(read_source(path, token.where)), end))
 
     def end(self) -> Location:
         """The end of the main file, for what is missing from it."""

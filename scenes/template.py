@@ -1,7 +1,8 @@
 """Scenes with parameters: header lines declare them, `$name` uses them, `-D name=value` sets them.
 
-A declaration is a comment to pbrt:  #$ gap 0.01 "scene units: lower edge of the light above the floor"
-`$gap` then stands wherever a number may stand. There is no arithmetic: transforms do what little is needed.
+A declaration is a comment to pbrt:  #$ gap 0.01 in [0, 100] "scene units: lower edge of the light above the floor"
+`$gap` then stands wherever a number may stand. There is no arithmetic: transforms do what little is needed. `in` and the
+interval may be left out; a round bracket leaves the bound itself out: (0, 20] is above 0 and at most 20.
 """
 
 from __future__ import annotations
@@ -16,19 +17,46 @@ from scenes.tokens import Source, Token
 
 _HEADER_LINE = re.compile(r"[ \t\r]*(?:(#)(\$?)([^\r\n]*))?\r?(?:\n|\Z)")
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-_DECLARATION = re.compile(rf'[ \t]+([A-Za-z_][A-Za-z0-9_]*)[ \t]+({_NUMBER})[ \t]+"([^"]*)"[ \t]*')
+_INTERVAL = rf"in[ \t]*([\[(])[ \t]*({_NUMBER})[ \t]*,[ \t]*({_NUMBER})[ \t]*([\])])"
+_DECLARATION = re.compile(
+    rf'[ \t]+([A-Za-z_][A-Za-z0-9_]*)[ \t]+({_NUMBER})(?:[ \t]+{_INTERVAL})?[ \t]+"([^"]*)"[ \t]*'
+)
 NUMBER = re.compile(_NUMBER)
 
 Values = Mapping[str, float | int]  # both: run-time checks of types do not take an int for a float
 
 
 @dataclass(frozen=True)
+class Interval:
+    """The values that a parameter may have, from `low` to `high`; `above`: not `low` itself, `below`: not `high` itself."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False
+    below: bool = False
+
+    def __contains__(self, value: float | int) -> bool:
+        over = value > self.low if self.above else value >= self.low
+        under = value < self.high if self.below else value <= self.high
+        return over and under
+
+    def __str__(self) -> str:
+        low = f"above {self.low:g}" if self.above else f"{self.low:g} or more"
+        high = f"below {self.high:g}" if self.below else f"at most {self.high:g}"
+        return f"{low} and {high}"
+
+
+ANY = Interval()
+
+
+@dataclass(frozen=True)
 class TemplateParameter:
-    """One `$name` of a template: its default and, in words with units, its meaning."""
+    """One `$name` of a template: its default, in words with units its meaning, and which values make sense."""
 
     name: str
     default: float
     meaning: str
+    interval: Interval
     where: Location = field(compare=False, repr=False)
 
 
@@ -62,11 +90,18 @@ def read_header(source: Source) -> Header:
 def _declaration(text: str, where: Location) -> TemplateParameter:
     match = _DECLARATION.fullmatch(text)
     if match is None:
-        raise SceneError('a template parameter is declared as: #$ name 0.01 "unit: meaning"', where)
-    default = float(match.group(2))
+        raise SceneError(
+            'a template parameter is declared as: #$ name 0.01 "unit: meaning", or #$ name 0.01 in (0, 10] "unit: meaning"',
+            where,
+        )
+    name, number, left, low, high, right, meaning = match.groups()
+    default = float(number)
     if not math.isfinite(default):
-        raise SceneError(f"the default of ${match.group(1)} is beyond the range of a number", where)
-    return TemplateParameter(match.group(1), default, match.group(3), where)
+        raise SceneError(f"the default of ${name} is beyond the range of a number", where)
+    interval = ANY if left is None else Interval(float(low), float(high), left == "(", right == ")")
+    if default not in interval:
+        raise SceneError(f"the default of ${name} is {default:g}, and its values are {interval}", where)
+    return TemplateParameter(name, default, meaning, interval, where)
 
 
 class Bindings:
@@ -85,6 +120,9 @@ class Bindings:
             raise PenumbraError(f"the scene has no parameter {name!r}; it has: {names}")
         if not math.isfinite(value):
             raise PenumbraError(f"parameter {name} = {value}: a finite number is needed")
+        declared = next(parameter for parameter in self._declared if parameter.name == name)
+        if value not in declared.interval:
+            raise PenumbraError(f"parameter {name} = {value:g}: it must be {declared.interval} ({declared.meaning})")
         self.values[name] = float(value)
 
     def number(self, token: Token) -> float:

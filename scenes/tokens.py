@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from scenes.errors import Location, SceneError
+import numpy as np
+from numpy.typing import NDArray
 
-Kind = Literal["word", "string", "[", "]"]
+from scenes.errors import Location, PenumbraError, SceneError
+from scenes.files import read_bytes
+
+# "end" is no text: it stands where an imported file is over.
+Kind = Literal["word", "string", "[", "]", "end"]
 
 # As in pbrt, a `#` inside a word does not begin a comment.
 _LEXEME = re.compile(
-    r'(?P<space>[ \t\r\n]+)|(?P<comment>#[^\r\n]*)|(?P<string>"(?:[^"\\\n]|\\.)*"?)|[\[\]]|[^ \t\r\n"\[\]]+'
+    r'[ \t\r\n]*(?:(?P<comment>#[^\r\n]*)|(?P<string>"(?:[^"\\\n]|\\.)*"?)|(?P<bracket>[\[\]])|(?P<word>[^ \t\r\n"\[\]]+))'
 )
 _ESCAPE = re.compile(r"\\(.)")
 _ESCAPED = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
@@ -31,13 +35,20 @@ class Source:
     folder: Path | None = None
 
     @cached_property
-    def _line_starts(self) -> list[int]:
-        return [0] + [match.end() for match in re.finditer("\n", self.text)]
+    def _line_starts(self) -> NDArray[np.int64]:
+        # In UTF-32 every character is one number, so that offsets are the text's own.
+        width, data = (
+            ("<u1", self.text.encode("ascii"))
+            if self.text.isascii()
+            else ("<u4", self.text.encode("utf-32-le", "surrogatepass"))
+        )
+        ends = np.flatnonzero(np.frombuffer(data, dtype=width) == ord("\n"))
+        return np.concatenate([np.zeros(1, np.int64), ends.astype(np.int64) + 1])
 
     def location(self, offset: int) -> Location:
         """The line and column, from 1, of the character at `offset`."""
-        line = bisect_right(self._line_starts, offset)
-        return Location(self.file, line, offset - self._line_starts[line - 1] + 1)
+        line = int(np.searchsorted(self._line_starts, offset, side="right"))
+        return Location(self.file, line, offset - int(self._line_starts[line - 1]) + 1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,23 +69,41 @@ class Token:
         return f'"{self.text}"' if self.kind == "string" else self.text
 
 
-def tokenize(source: Source, start: int = 0) -> Iterator[Token]:
-    """The tokens of `source` from offset `start` on; SceneError on an unterminated string or an unknown escape.
+class Tokenizer:
+    """The tokens of `source` from offset `start` on, one after another; `offset` is where it goes on."""
 
-    A `#$` line beyond `start`, where a template's header ends, is refused: it would declare nothing.
-    """
-    for match in _LEXEME.finditer(source.text, start):
-        text, offset = match.group(), match.start()
-        if match.lastgroup == "string":
-            yield Token("string", _unquote(text, source, offset), source, offset)
-        elif match.lastgroup == "comment":
+    def __init__(self, source: Source, start: int = 0) -> None:
+        self.source = source
+        self.offset = start
+
+    def next(self) -> Token | None:
+        """The next token, None at the end; SceneError on an unterminated string or an unknown escape.
+
+        A `#$` line beyond `start`, where a template's header ends, is refused: it would declare nothing.
+        """
+        while (match := _LEXEME.match(self.source.text, self.offset)) is not None:
+            self.offset = match.end()
+            kind = str(match.lastgroup)
+            text, offset = match.group(kind), match.start(kind)
+            if kind == "word":
+                return Token("word", text, self.source, offset)
+            if kind == "string":
+                return Token("string", _unquote(text, self.source, offset), self.source, offset)
+            if kind == "bracket":
+                return Token("[" if text == "[" else "]", text, self.source, offset)
             if text.startswith("#$"):
                 raise SceneError(
                     "a template parameter is declared in the header of the scene file, before the first directive",
-                    source.location(offset),
+                    self.source.location(offset),
                 )
-        elif match.lastgroup is None:
-            yield Token("[" if text == "[" else "]" if text == "]" else "word", text, source, offset)
+        return None
+
+
+def tokenize(source: Source, start: int = 0) -> Iterator[Token]:
+    """All tokens of `source` from offset `start` on."""
+    tokenizer = Tokenizer(source, start)
+    while (token := tokenizer.next()) is not None:
+        yield token
 
 
 def _unquote(text: str, source: Source, offset: int) -> str:
@@ -97,12 +126,11 @@ def _unquote(text: str, source: Source, offset: int) -> str:
 
 
 def read_source(path: Path, where: Location | None = None) -> Source:
-    """Read a UTF-8 text file; SceneError at `where` (the Include that names it) if that cannot be done."""
+    """Read a UTF-8 text file, also compressed (.gz); SceneError at `where` (the Include that names it) if that cannot be done."""
     try:
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise SceneError(f"cannot read {str(path)!r}: {reason}", where) from None
+        data = read_bytes(path)
+    except PenumbraError as error:
+        raise SceneError(str(error), where) from None
     return Source(str(path), decode(data, str(path)), path.parent)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -36,6 +37,11 @@ class Transform:
         rows = self.matrix
         columns = [rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z + rows[i, 3] for i in range(3)]
         return np.stack(columns, axis=1) + 0.0
+
+    def vector(self, v: Array) -> Array:
+        """Transform one vector: (3,) -> (3,)."""
+        rows = self.matrix
+        return np.array([rows[i, 0] * v[0] + rows[i, 1] * v[1] + rows[i, 2] * v[2] for i in range(3)]) + 0.0
 
     @property
     def swaps_handedness(self) -> bool:
@@ -76,7 +82,8 @@ def rotate(degrees: float, x: float, y: float, z: float) -> Transform:
     """Right-handed rotation about the axis (x, y, z), exact at multiples of 90 degrees; ValueError if there is no axis."""
     axis = unit(np.array([x, y, z]))
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    c, s = float(cosdg(degrees)), float(sindg(degrees))
+    turn = math.fmod(degrees, 360.0)  # exact, where those below lose a large angle
+    c, s = float(cosdg(turn)), float(sindg(turn))
     matrix = np.eye(4)
     matrix[:3, :3] = c * np.eye(3) + (1 - c) * np.outer(axis, axis) + s * cross
     return Transform(matrix, matrix.T.copy())
@@ -144,14 +151,21 @@ def uniform_scale(columns: Array) -> float | None:
 def rigid(transform: Transform) -> Array | None:
     """Camera to world of a camera's CTM, its uniform scale and rounding taken out: (4, 4); None where it stretches."""
     matrix = transform.inverse.copy()
-    linear = matrix[:3, :3]
-    factor = uniform_scale(linear)
-    if factor is None:
+    axes = orthonormal(matrix[:3, :3])
+    if axes is None:
         return None
-    if np.abs(linear.T @ linear - np.eye(3)).max() > ROUNDING:
-        left, _, right = np.linalg.svd(linear)
-        matrix[:3, :3] = left @ right
+    matrix[:3, :3] = axes
     return matrix + 0.0
+
+
+def orthonormal(linear: Array) -> Array | None:
+    """Orthogonal columns of one length, (3, 3), made orthonormal; to the bit as they are where they are it up to rounding. None where they stretch."""
+    if uniform_scale(linear) is None:
+        return None
+    if np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:
+        return linear + 0.0
+    left, _, right = np.linalg.svd(linear)
+    return left @ right + 0.0
 
 
 _MAKERS: dict[str, tuple[int, Callable[..., Transform]]] = {

@@ -7,6 +7,7 @@ PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part,
 from __future__ import annotations
 
 import functools
+import itertools
 import os
 from collections.abc import Generator, Iterator
 
@@ -20,6 +21,14 @@ jaxtyping.install_import_hook(["scenes", "renderer", "pipeline"], "beartype.bear
 
 STRICT = os.environ.get("PENUMBRA_STRICT") == "1"
 SLOW = os.environ.get("PENUMBRA_SLOW") == "1"
+_NUMBERS = itertools.count()
+
+
+@pytest.fixture(autouse=True)
+def _references_of_this_test(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No test sees the user's references, nor another test's."""
+    monkeypatch.setenv("PENUMBRA_CACHE", str(tmp_path_factory.getbasetemp() / f"cache{next(_NUMBERS)}"))
+    monkeypatch.delenv("PENUMBRA_PBRT", raising=False)
 
 
 @functools.cache

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from renderer.build import RenderScene
-from renderer.estimators.protocol import ESTIMATORS
-from renderer.plan import make_plan
+from renderer.estimators.protocol import ESTIMATORS, OCCLUSION
+from renderer.plan import make_plan, plan_occlusion
 from renderer.records import SurfaceHit
 from renderer.samplers.protocol import SAMPLERS
 from scenes.description import (
@@ -15,9 +17,12 @@ from scenes.description import (
     Emission,
     Film,
     Geometry,
+    Light,
     PerspectiveCamera,
+    PointLight,
     SceneDescription,
     ShapeDescription,
+    SpotLight,
     TriangleMesh,
 )
 
@@ -67,7 +72,8 @@ def reflect(
     seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard error, each (m, 3), of the light reflected at exact points (m, 3) of a shape, spp samples each."""
-    chosen, plan = ESTIMATORS[estimator], make_plan(built, prune=False)
+    chosen = ESTIMATORS[estimator]
+    plan = plan_occlusion(built) if chosen.quantity == OCCLUSION else make_plan(built, prune=False)
     m = len(points)
     pixel, sample = np.repeat(np.arange(m), spp), np.tile(np.arange(spp), m)
     p = np.ascontiguousarray(np.repeat(points, spp, axis=0).T)
@@ -75,7 +81,55 @@ def reflect(
     none = np.full(m * spp, -1)
     # Any triangle of a flat shape will do: it says how far float32 may have moved the surface.
     own = np.full(m * spp, np.flatnonzero(built.triangles.shape == shape)[0]) if built.triangles else none
-    hit = SurfaceHit(p, n, n, np.full(m * spp, shape), own, none)
+    hit = SurfaceHit(p, n, n, np.full(m * spp, shape), own, none, np.zeros((2, 1)))
     u = SAMPLERS[sampler](seed, spp).uniform(pixel, sample, 2, chosen.dimensions(built))
     samples = chosen.estimate(built, plan, hit, u).radiance.reshape(3, m, spp)
     return samples.mean(axis=2).T, samples.std(axis=2, ddof=1).T / np.sqrt(spp)
+
+
+def moved(
+    given: SceneDescription, scale: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> SceneDescription:
+    """The whole scene, camera included, scaled about the origin and then moved; it sends the same light to the same pixels."""
+    shift = np.array(offset, dtype=float)
+
+    def shape(s: ShapeDescription) -> ShapeDescription:
+        g = s.geometry
+        if isinstance(g, TriangleMesh | BilinearMesh):
+            return replace(s, geometry=replace(g, vertices=g.vertices * scale + shift))
+        return replace(s, geometry=replace(g, center=g.center * scale + shift, radius=g.radius * scale))
+
+    def lamp(light: Light) -> Light:
+        if isinstance(light, PointLight | SpotLight):
+            return replace(light, position=light.position * scale + shift, intensity=light.intensity * scale**2)
+        return light
+
+    matrix = given.camera.camera_to_world.copy()
+    matrix[:3, 3] = matrix[:3, 3] * scale + shift
+    return replace(
+        given,
+        camera=replace(given.camera, camera_to_world=matrix),
+        shapes=tuple(shape(s) for s in given.shapes),
+        lights=tuple(lamp(light) for light in given.lights),
+        occlusion_distance=given.occlusion_distance * scale,
+    )
+
+
+def box(center, half: float, material: Diffuse = GRAY) -> ShapeDescription:
+    """A closed cube of triangles, normals outwards."""
+    corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float) * half
+    faces = [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
+    return ShapeDescription(TriangleMesh(np.array(center, dtype=float) + corner, np.array(faces)), material)

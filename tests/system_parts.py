@@ -33,9 +33,28 @@ def _loads(library: str) -> bool:
     return True
 
 
+# In a process of its own: drivers are known to end the process that asks them.
+DISPLAY = """
+import ctypes, sys
+egl = ctypes.CDLL("libEGL.so.1")
+egl.eglGetDisplay.restype = egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
+egl.eglGetDisplay.argtypes = [ctypes.c_void_p]
+egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p]
+egl.eglInitialize.argtypes = [ctypes.c_void_p] * 3
+handles = egl.eglGetPlatformDisplay(0x31DD, None, None), egl.eglGetDisplay(None)  # 0x31DD: without a surface, Mesa's
+sys.exit(not any(handle and egl.eglInitialize(handle, None, None) for handle in handles))
+"""
+
+
+def _draws() -> bool:
+    """A display without a screen, which takes a driver, and desktop OpenGL."""
+    desktop = _loads("libOpenGL.so.0") or _loads("libGL.so.1")
+    return desktop and subprocess.run([sys.executable, "-c", DISPLAY], capture_output=True, timeout=60).returncode == 0
+
+
 @dataclass(frozen=True)
 class Part:
-    """A part of the system. package: Debian's name for it; works: tries it."""
+    """A part of the system. package: Debian's names for it, spaces between; works: tries it."""
 
     title: str
     package: str
@@ -53,7 +72,7 @@ RUN = (
 
 TEST = {  # by the marker of the tests that need it
     "browser": Part("Chromium (browser test)", "chromium", _starts_chromium),
-    "opengl": Part("libEGL (OpenGL)", "libegl1", lambda: _loads("libEGL.so.1")),
+    "opengl": Part("OpenGL without a screen", "libegl1 libopengl0 libgl1-mesa-dri", _draws),
 }
 
 
@@ -74,7 +93,7 @@ def main(what: str) -> int:
     missing = [part for part in (RUN if what == "run" else TEST.values()) if not part.works()]
     if missing and os.geteuid() == 0 and shutil.which("apt-get"):
         print(f"installing with apt: {' '.join(part.package for part in missing)}", file=sys.stderr, flush=True)
-        _install([part.package for part in missing])
+        _install([name for part in missing for name in part.package.split()])
     missing = [part for part in missing if not part.works()]
     for part in missing:
         print(part.missing() + ("" if what == "run" else "  (until then its tests are skipped)"), file=sys.stderr)

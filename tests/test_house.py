@@ -32,8 +32,9 @@ ONE_FILE = {
     "drjit": "pipeline/references/mitsuba_worker.py",
     "dask": None,
     "distributed": None,
-    "pyvista": None,
-    "pyrender": None,
+    "pyvista": "pipeline/preview.py",
+    "pyrender": "pipeline/baseline/worker.py",
+    "OpenGL": "pipeline/baseline/worker.py",
 }
 FILE_LINES = 300
 FUNCTION_LINES = 40

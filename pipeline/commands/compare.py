@@ -10,8 +10,10 @@ import typer
 from pipeline.commands.options import AsJson, Quiet, definitions
 
 if TYPE_CHECKING:
-    from pipeline.metrics.protocol import Reference
+    from pipeline.metrics.protocol import Better, Estimate, Image, Reference
     from pipeline.record import Score
+
+UNKNOWN_BATCHES = 2  # behind a variance that was given: sampled, from at least so many
 
 
 def compare(
@@ -19,51 +21,74 @@ def compare(
     truth: Annotated[
         Path, typer.Argument(metavar="B.exr", help="The reference; its variance is used where it has one.")
     ],
+    reference_variance: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="V.exr",
+            help="Variance of the mean of B, as R G B or variance.R ...; taken instead of what B itself may carry.",
+        ),
+    ] = None,
     metric: Annotated[
         list[str] | None, typer.Option("--metric", "-m", help="May be repeated; all metrics if not given.")
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option("--limit", metavar="METRIC=VALUE", help="Exit with 1 if the score is worse; may be repeated."),
+        typer.Option(
+            "--limit",
+            metavar="METRIC=VALUE",
+            help="Exit with 1 if the score is worse (of bias: its size), or undefined; may be repeated.",
+        ),
     ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Score image A against reference B, each score with its 95 % interval where it has one.
+    """Score image A against reference B, any two EXR of one size, each score with its 95 % interval where it has one.
+
+    Without the reference's variance B is taken as exact, and its noise counts as A's error.
 
     Examples:
 
       penumbra compare out.exr reference.exr
 
       penumbra compare out.exr reference.exr --metric relmse --limit relmse=0.01
+
+      penumbra compare theirs.exr pbrt.exr --reference-variance pbrt-variance.exr --json
     """
     from pipeline.commands.console import Speaker
-    from pipeline.metrics.protocol import METRICS, Estimate
+    from pipeline.metrics.protocol import METRICS
     from pipeline.scoring import score
-    from scenes.images import read_rgb
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     limits = definitions(limit)
     names = list(dict.fromkeys([*(metric or METRICS.names()), *limits]))
     entries = {name: METRICS[name] for name in names}
-    estimate, (reference, what) = Estimate(read_rgb(image)), _reference(truth)
+    estimate, (reference, what) = _estimate(image), _reference(truth, reference_variance)
     scores = {name: found.score for name, found in score(estimate, reference, names).items()}
     speaker.note(f"{truth}: {what}")
     warnings = _warnings(image, truth)
     for warning in warnings:
         speaker.note(f"warning: {warning}")
-    rows = [(entries[name].title, entries[name].unit, *_cells(found)) for name, found in scores.items()]
-    speaker.table(("metric", "unit", "value", "95 % interval", "note"), rows)
+    rows = [
+        (name, entries[name].title, entries[name].unit, *_cells(found, entries[name].better))
+        for name, found in scores.items()
+    ]
+    speaker.table(("metric", "what it is", "unit", "value", "95 % interval", "note"), rows)
     worse = [name for name, value in limits.items() if _worse(scores[name], value, entries[name].better)]
     speaker.json(
         {
+            "image": str(image),
+            "reference": {"image": str(truth), "known": what},
             "scores": {name: found.model_dump() for name, found in scores.items()},
+            "units": {name: entry.unit for name, entry in entries.items()},
+            "better": {name: entry.better for name, entry in entries.items()},
             "beyond_limit": worse,
             "warnings": warnings,
         }
     )
     for name in worse:
-        speaker.note(f"{name}: {_cells(scores[name])[0]} is worse than the limit {limits[name]:g}")
+        speaker.note(
+            f"{name}: {_cells(scores[name], entries[name].better)[0]} is worse than the limit {limits[name]:g}"
+        )
     if worse:
         raise typer.Exit(1)
 
@@ -82,13 +107,30 @@ def _warnings(image: Path, truth: Path) -> list[str]:
     return out
 
 
-def _reference(path: Path) -> tuple[Reference, str]:
+def _estimate(path: Path) -> Estimate:
+    """The image under test with what its file says of its samples."""
+    import numpy as np
+
+    from pipeline.metrics.protocol import Estimate
+    from scenes.images import read_estimate_exr, read_exr, read_rgb
+
+    if "variance.R" not in read_exr(path).channels:
+        return Estimate(read_rgb(path))
+    stored = read_estimate_exr(path)
+    known = stored.metadata.get("independent") != "False" and bool(np.isfinite(stored.variance).all())
+    return Estimate(stored.mean, stored.variance if known else None, stored.count)
+
+
+def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
     """The reference and, in words, what is known of its error."""
     import numpy as np
 
     from pipeline.metrics.protocol import Reference
     from scenes.images import read_estimate_exr, read_exr, read_rgb
 
+    if variance is not None:
+        mean = read_rgb(path)
+        return Reference(mean, _variance(variance, mean), UNKNOWN_BATCHES), f"its variance is taken from {variance}"
     if "variance.R" not in read_exr(path).channels:
         mean = read_rgb(path)
         return Reference(mean, np.zeros_like(mean), 0), "carries no variance, so that it is taken as exact"
@@ -101,13 +143,29 @@ def _reference(path: Path) -> tuple[Reference, str]:
     return Reference(stored.mean, stored.variance, batches), known
 
 
-def _cells(score: Score) -> tuple[str, str, str]:
-    value = "undefined" if score.value is None else f"{'<= ' if score.bound else ''}{score.value:.4g}"
+def _variance(path: Path, mean: Image) -> Image:
+    """The variance of the mean in a file of its own; PenumbraError where it is none for this image."""
+    from scenes.errors import PenumbraError
+    from scenes.images import read_estimate_exr, read_exr, read_rgb
+
+    stored = read_estimate_exr(path).variance if "variance.R" in read_exr(path).channels else read_rgb(path)
+    if stored.shape != mean.shape:
+        sizes = " x ".join(map(str, stored.shape[1::-1])), " x ".join(map(str, mean.shape[1::-1]))
+        raise PenumbraError(f"{path}: a variance of {sizes[0]} pixels for a reference of {sizes[1]}")
+    if not (stored >= 0).all():
+        raise PenumbraError(f"{path}: a variance is negative or not a number")
+    return stored
+
+
+def _cells(score: Score, better: Better) -> tuple[str, str, str]:
+    sign = "" if not score.bound else ">= " if better == "higher" else "<= "
+    value = "undefined" if score.value is None else f"{sign}{score.value:.4g}"
     interval = "" if score.low is None or score.high is None else f"{score.low:.4g} .. {score.high:.4g}"
     return value, interval, score.note
 
 
-def _worse(score: Score, limit: float, better: str) -> bool:
+def _worse(score: Score, limit: float, better: Better) -> bool:
     if score.value is None:
         return True
-    return score.value > limit if better == "lower" else score.value < limit
+    size = abs(score.value) if better == "zero" else score.value
+    return size < limit if better == "higher" else size > limit

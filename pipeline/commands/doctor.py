@@ -10,9 +10,9 @@ from pipeline.commands.options import AsJson, Quiet
 
 
 def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Try Mitsuba's variants with their LLVM, Embree, images, EGL and a browser, and say what to do about each failure.
+    """Try Mitsuba's variants with their LLVM, Embree, images, EGL, pyrender and a browser, and say what to do about each failure.
 
-    Exits with 1 if a part fails that a run needs; EGL and a browser serve tests and viewers only.
+    Exits with 1 if a part fails that a run needs; a run without EGL and pyrender leaves its baseline out, and a browser serves tests only.
 
     Examples:
 

@@ -23,7 +23,7 @@ def explain(
     measure: Annotated[
         bool, typer.Option("--measure", help="Render with and without each pruning and compare.")
     ] = False,
-    estimator: Annotated[str, typer.Option(help="What to measure with.")] = "area",
+    estimator: Annotated[str, typer.Option(help="What to measure with.")] = "mis",
     spp: Annotated[int, typer.Option(help="Samples a pixel to measure with.")] = 4,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -1,39 +1,105 @@
-"""`penumbra export`: a scene as pbrt-v4 text, its parameters filled in."""
+"""`penumbra export`: a scene as text for pbrt-v4 or Mitsuba 3, its parameters filled in."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from contextlib import ExitStack
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipeline.commands.options import Define, SceneName, definitions
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from scenes.description import SceneDescription
+
+
+class Target(StrEnum):
+    """What the text is for."""
+
+    PBRT = "pbrt"
+    MITSUBA = "mitsuba"
+
 
 def export(
     scene: SceneName,
+    to: Annotated[Target, typer.Option("--to", help="Whose format.")] = Target.PBRT,
     define: Define = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write; stdout if not given.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Where to write; stdout if not given. Meshes and images go beside it.",
+        ),
     ] = None,
 ) -> None:
-    """Write a scene as one self-contained pbrt-v4 file, which pbrt-v4 itself renders.
+    """Write a scene as a pbrt-v4 file that pbrt-v4 itself renders, or as Mitsuba 3 XML.
+
+    What is not quite the scene in the other's terms is said on stderr and in the file.
 
     Examples:
 
       penumbra export touching-light -D gap=0.001 -o gap.pbrt
+
+      penumbra export soft-shadow --to mitsuba -o soft-shadow.xml
     """
     from scenes import load
     from scenes.errors import PenumbraError
-    from scenes.export import to_pbrt
-    from scenes.images import replacing
 
-    text = to_pbrt(load(scene, definitions(define)))
+    if output is not None and not output.parent.is_dir():
+        raise PenumbraError(f"{output}: there is no folder {output.parent}")
+    loaded = load(scene, definitions(define))
+    text, images, meshes, notes = _exported(loaded, to, output.stem if output else "scene")
+    if output is None and (images or meshes):
+        raise PenumbraError(
+            f"scene {loaded.name}: its meshes and images go into files beside the text: give an output file, -o FILE"
+        )
     if output is None:
         sys.stdout.write(text)
-        return
-    if not output.parent.is_dir():
-        raise PenumbraError(f"{output}: there is no folder {output.parent}")
-    with replacing(output) as temporary:
+    else:
+        _write(output, text, images, meshes)
+    for note in notes:
+        sys.stderr.write(f"penumbra: {note}\n")
+
+
+def _exported(
+    scene: SceneDescription, to: Target, stem: str
+) -> tuple[str, Mapping[str, NDArray[np.float64]], Mapping[str, bytes], tuple[str, ...]]:
+    """Text, images, meshes and notes."""
+    if to is Target.MITSUBA:
+        from pipeline.references.mitsuba_xml import to_xml
+
+        made = to_xml(scene, stem)
+        return made.text, made.images, made.meshes, made.notes
+    from scenes.export import export as to_pbrt
+
+    exported = to_pbrt(scene, stem)
+    return exported.text, exported.images, {}, exported.notes
+
+
+def _write(output: Path, text: str, images: Mapping[str, NDArray[np.float64]], meshes: Mapping[str, bytes]) -> None:
+    """All files under other names first: they take their own when every one is whole, the text last."""
+    from scenes.errors import PenumbraError
+    from scenes.images import replacing, write_exr
+
+    names = {output.name, *images, *meshes}
+    if len(names) != 1 + len(images) + len(meshes):
+        raise PenumbraError(f"{output}: a file beside it would have its name")
+    with ExitStack() as stack:
+        temporary = stack.enter_context(replacing(output))
+        for name, image in images.items():
+            channels = ("R", "G", "B") if image.shape[2] == 3 else ("Y",)
+            path = stack.enter_context(replacing(output.with_name(name)))
+            write_exr(path, {channel: image[..., i] for i, channel in enumerate(channels)})
+        for name, mesh in meshes.items():
+            path = stack.enter_context(replacing(output.with_name(name)))
+            path.write_bytes(mesh)
         temporary.write_text(text, encoding="utf-8")

@@ -10,7 +10,7 @@ from pipeline.commands.options import AsJson, Quiet
 
 
 def ladder(
-    light: Annotated[str | None, typer.Option(help="One light only: rectangle, disk or sphere.")] = None,
+    light: Annotated[str | None, typer.Option(help="One light only: rectangle, disk, sphere or triangle.")] = None,
     samples: Annotated[int, typer.Option(help="Samples of each rung.")] = 2**15,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     as_json: AsJson = False,

@@ -79,13 +79,13 @@ def _metrics() -> list[Row]:
     from pipeline.metrics.protocol import METRICS
 
     return [
-        {"name": name, "title": metric.title, "unit": metric.unit, "better": metric.better}
+        {"name": name, "title": metric.title, "unit": metric.unit, "better": metric.better, "source": metric.source}
         for name, metric in METRICS.items()
     ]
 
 
 def _backends() -> list[Row]:
-    from pipeline.references.protocol import BACKENDS
+    from pipeline.backends import BACKENDS
 
     return [{"name": name, "title": type(entry).__doc__ or ""} for name, entry in BACKENDS.items()]
 

@@ -1,69 +1,192 @@
-"""`penumbra reference`: one image by a reference backend."""
+"""`penumbra reference`: one image by a reference backend, kept and added to."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, definitions, image_target
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions, image_target
+
+if TYPE_CHECKING:
+    from pipeline.commands.console import Speaker
+    from pipeline.references.cache import StoredReference
+    from pipeline.references.protocol import ReferenceRequest
+    from scenes import SceneDescription
+
+STOPPED = 130
+SPP = 1024
+FIRST_SPP = 4  # a batch, to begin with, where the samples follow from a target
 
 
 def reference(
     scene: SceneName,
-    output: Output,
-    spp: Annotated[int, typer.Option(help="Samples a pixel in all, dealt to the batches.")] = 1024,
-    batches: Annotated[int, typer.Option(help="Runs of different seeds, from whose spread the variance comes.")] = 64,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="A copy: .exr, or .png to look at.")
+    ] = None,
+    spp: Annotated[
+        int | None, typer.Option(help=f"Samples a pixel in all, at least; {SPP} if there is no --target-se.")
+    ] = None,
+    target_se: Annotated[
+        float | None,
+        typer.Option(
+            help="Go on until pixels have this relative standard error: the median, and the 99th percentile at most 10 times it."
+        ),
+    ] = None,
+    batches: Annotated[
+        int, typer.Option(help="Runs of different seeds, at least, from whose spread the variance comes.")
+    ] = 64,
     seed: Annotated[int, typer.Option(help="0 or more.")] = 0,
     backend: Annotated[str, typer.Option(help="See `penumbra list backends`.")] = "mitsuba",
+    quantity: Annotated[
+        str | None, typer.Option(help="radiance or ambient-occlusion; what the scene's integrator makes, if not given.")
+    ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
+    ] = None,
     define: Define = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a reference image with the variance of its mean: EXR with provenance, or a PNG to look at.
+    """Make a reference image with the variance of its mean, or add samples to the one there is.
+
+    It can be stopped at any moment: the same command goes on from there, and asking for more later adds to it.
 
     Examples:
 
-      penumbra reference soft-shadow -o reference.exr --spp 1024
+      penumbra reference soft-shadow --target-se 1e-3
 
-      penumbra reference touching-light -o exact.exr --backend closed-form -D gap=0.001
+      penumbra reference soft-shadow --spp 4096 -o reference.exr
+
+      penumbra reference touching-light --backend closed-form -D gap=0.001
     """
     from pipeline.commands.console import Speaker
-    from pipeline.references.protocol import BACKENDS, ReferenceRequest
     from scenes import load
-    from scenes.errors import PenumbraError
-    from scenes.images import write_estimate_exr, write_png
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, description = image_target(output), load(scene, definitions(define))
-    if spp < 1 or batches < 1 or seed < 0:
-        raise PenumbraError(f"spp = {spp}, batches = {batches}, seed = {seed}: at least 1, 1 and 0 are needed")
-    chosen = BACKENDS[backend]
-    with speaker.step(f"{backend} {scene}", 1) as update:
-        image = chosen.render(description, ReferenceRequest(spp, batches, seed), update)
+    target, description = image_target(output) if output else None, load(scene, definitions(define))
+    request = _request(description, spp, target_se, batches, seed, quantity)
+    stored = _make(speaker, scene, description, backend, request, cache or default_cache())
+    if target:
+        _copy(stored, target)
+    _tell(speaker, stored, request, target)
+
+
+def default_cache() -> Path:
+    """PENUMBRA_CACHE, or penumbra/ in the user's cache folder (XDG_CACHE_HOME, ~/.cache)."""
+    import os
+
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(os.environ.get("PENUMBRA_CACHE") or Path(base) / "penumbra") / "references"
+
+
+def _request(
+    scene: SceneDescription,
+    spp: int | None,
+    target: float | None,
+    batches: int,
+    seed: int,
+    quantity: str | None,
+) -> ReferenceRequest:
+    """What is asked for; PenumbraError naming the option that is wrong."""
+    from typing import cast, get_args
+
+    from pipeline.references.protocol import MIN_BATCHES, Quantity, ReferenceRequest
+    from scenes.errors import PenumbraError
+
+    if target is not None and not 0 < target < 1:
+        raise PenumbraError(f"--target-se {target:g}: a number between 0 and 1 is needed, for example 1e-3")
+    if (spp is not None and spp < 1) or seed < 0:
+        raise PenumbraError(f"spp = {spp}, seed = {seed}: at least 1 and 0 are needed")
+    if batches < MIN_BATCHES:
+        raise PenumbraError(
+            f"--batches {batches}: at least {MIN_BATCHES} are needed for a variance that tests can trust"
+        )
+    own = "ambient-occlusion" if scene.defaults.estimator == "ambient-occlusion" else "radiance"
+    chosen = own if quantity is None else quantity
+    if chosen not in get_args(Quantity):
+        raise PenumbraError(f"--quantity {chosen}: there are {', '.join(get_args(Quantity))}")
+    if spp is None:
+        spp = SPP if target is None else FIRST_SPP * batches
+    wanted = cast("Quantity", chosen)
+    return ReferenceRequest(spp=max(spp, batches), batches=batches, seed=seed, quantity=wanted, target=target)
+
+
+def _make(
+    speaker: Speaker, name: str, scene: SceneDescription, backend: str, request: ReferenceRequest, cache: Path
+) -> StoredReference:
+    from pipeline import backends  # registers them all
+    from pipeline.references.cache import reference_for
+
+    try:
+        with speaker.step(f"{backend} {name}", 1) as update:
+            return reference_for(scene, backends.BACKENDS[backend].name, request, cache, update)
+    except KeyboardInterrupt:
+        speaker.note(f"stopped: finished batches are kept in {cache}; the same command goes on from there")
+        raise typer.Exit(STOPPED) from None
+
+
+def _copy(stored: StoredReference, target: Path) -> None:
+    import shutil
+
+    from scenes.images import replacing, write_png
+
     if target.suffix == ".png":
-        write_png(target, image.mean)
-    else:
-        known = {
-            "scene": description.content_hash(),
-            "backend": backend,
-            "batches": str(image.batches),
-            "spp": str(image.spp),
-        }
-        write_estimate_exr(target, image.mean, image.variance, float(image.spp), image.provenance | known)
-    error = float(image.variance.mean() ** 0.5)
-    how = f"{image.spp} spp in {image.batches} batches" if image.batches else "no samples"
-    sure = f"rms {'standard error' if image.batches else 'error bound'} {error:.3g}"
-    speaker.line(f"{target}: {backend}, {how}, {image.seconds:.1f} s; {sure}")
-    speaker.json(
-        {
-            "output": str(target),
-            "backend": backend,
-            "spp": image.spp,
-            "batches": image.batches,
-            "seconds": image.seconds,
-            "mean": image.mean.mean(axis=(0, 1)).tolist(),
-            "rms_standard_error": error,
-            "provenance": image.provenance,
-        }
+        write_png(target, stored.image.mean)
+        return
+    with replacing(target) as draft:
+        shutil.copyfile(stored.path, draft)
+
+
+def _tell(speaker: Speaker, stored: StoredReference, request: ReferenceRequest, target: Path | None) -> None:
+    import math
+
+    from pipeline.references.tally import TAIL, precision
+
+    image = stored.image
+    found = precision(image.mean, image.variance)
+    error = math.sqrt(float(image.variance.mean()))
+    sampled = image.batches > 0
+    how = f"{image.spp} spp in {image.batches} batches" if sampled else "no samples"
+    drawn = f"{image.spp - stored.kept} of them new" if stored.fresh else "all of them kept"
+    took = f", {drawn}" if sampled else "" if stored.fresh else ", kept"
+    speaker.line(f"{stored.path}: {stored.backend}, {request.quantity}, {how}{took}, {image.seconds:.1f} s in all")
+    what = "standard error" if sampled else "error bound"
+    goal = "" if request.target is None else f" (target {request.target:g} and {TAIL * request.target:g})"
+    speaker.line(
+        f"relative {what}: median {found.median:.2g}, 99th percentile {found.p99:.2g} of pixels{goal}; rms {error:.3g} absolute"
     )
+    if stored.backend == "self":
+        speaker.line("made by the renderer's own estimator: no independent check of it")
+    if target:
+        speaker.line(str(target))
+    speaker.json(_figures(stored, request, target, {"median": found.median, "p99": found.p99}, error))
+
+
+def _figures(
+    stored: StoredReference,
+    request: ReferenceRequest,
+    target: Path | None,
+    relative: dict[str, float],
+    error: float,
+) -> dict[str, Any]:
+    image = stored.image
+    return {
+        "output": str(target) if target else None,
+        "stored": str(stored.path),
+        "key": stored.key,
+        "backend": stored.backend,
+        "quantity": request.quantity,
+        "independent": stored.backend != "self",
+        "spp": image.spp,
+        "spp_kept": stored.kept,
+        "batches": image.batches,
+        "seconds": image.seconds,
+        "mean": image.mean.mean(axis=(0, 1)).tolist(),
+        "rms_standard_error": error,
+        "relative_standard_error": relative,
+        "target_se": request.target,
+        "provenance": image.provenance,
+    }

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 def render(
     scene: SceneName,
     output: Output,
-    estimator: Annotated[str, typer.Option(help="See `penumbra list estimators`.")] = "area",
+    estimator: Annotated[
+        str | None, typer.Option(help="See `penumbra list estimators`; the scene's if not given, or else mis.")
+    ] = None,
     sampler: Annotated[str | None, typer.Option(help="See `penumbra list samplers`; the scene's if not given.")] = None,
     spp: Annotated[int | None, typer.Option(help="Samples a pixel; the scene's if not given.")] = None,
     seed: Annotated[int | None, typer.Option(help="0 or more; the scene's if not given.")] = None,
@@ -47,6 +49,7 @@ def render(
     target, parameters = image_target(output), definitions(define)
     description = load(scene, parameters)
     given = description.defaults
+    estimator = estimator or given.estimator or "mis"
     sampler = given.sampler if sampler is None else sampler
     spp, seed = given.spp if spp is None else spp, given.seed if seed is None else seed
     if threads < 1:

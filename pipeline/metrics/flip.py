@@ -1,4 +1,3 @@
-# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 """HDR-FLIP: what a viewer flipping between the two pictures would notice (NVIDIA's flip-evaluator).
 
 The exposures are chosen here, from the reference, and passed on: from the one that maps its greatest luminance to 0.85 by the
@@ -9,23 +8,16 @@ black one ends the process; with a single exposure it scores every picture 0, so
 
 from __future__ import annotations
 
-import os
-from typing import Literal, final
+from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Estimate, Image, Measured, Reference
+from pipeline.metrics.flip_library import error_map
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
 from pipeline.metrics.tone import lit_luminance
 from pipeline.metrics.undefined import defect, undefined
 from pipeline.record import Score
 
-# Read when the library is loaded: its OpenMP threads must sleep between loops. Spinning, they take the cores from other workers
-# (measured: 0.05 s a call instead of 0.3 s on two busy cores) and from the timing of the next cell.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-
-from flip_evaluator import evaluate
-
-PIXELS_PER_DEGREE = 67.0  # 0.7 m from a 0.7 m wide display of 3840 pixels
 WHITE = 0.85  # what the tone mapper is to give at the ends of the range of exposures
 ACES = (0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0, 0.6 * 0.6 * 2.43, 0.6 * 0.59, 0.14)  # (a x^2 + b x + c) / (d x^2 + e x + f)
 LARGEST = 1e30  # radiance; float32 and 2^26 more still hold it
@@ -41,7 +33,9 @@ class Flip:
     name = "flip"
     title = "HDR-FLIP"
     unit = "1"
-    better: Literal["lower", "higher"] = "lower"
+    better: Better = "lower"
+    judges: Judges = "error"
+    source = "[andersson2021]; flip-evaluator 1.7"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
         """Score; map (h, w) of the error. Against a black reference 0 for a black estimate, else undefined: it sets no exposure."""
@@ -49,14 +43,23 @@ class Flip:
             return undefined(self.name, note)
         truth, shown = (np.clip(image, 0.0, LARGEST) for image in (reference.mean, estimate.mean))
         if np.array_equal(truth, shown):
-            return Measured(Score(metric=self.name, value=0.0, note="equal pictures"), np.zeros(truth.shape[:2]))
+            return map_mean(self.name, np.zeros(truth.shape[:2]), "equal pictures")
         lit = lit_luminance(truth)
         if lit is None:
             return undefined(self.name, "the reference is black and sets no exposure")
         start, stop, count = exposures(lit)
-        error = _flip(truth, shown, start, stop, count)
-        note = f"{count} exposures from 2^{start:.2f} to 2^{stop:.2f}"
-        return Measured(Score(metric=self.name, value=float(np.mean(error)), note=note), error)
+        chosen = {"startExposure": start, "stopExposure": stop, "numExposures": count, "tonemapper": "aces"}
+        error = error_map(truth, shown, "HDR", chosen)
+        return map_mean(self.name, error, f"{count} exposures from 2^{start:.2f} to 2^{stop:.2f}")
+
+
+def map_mean(metric: str, error: Image, note: str) -> Measured:
+    """The mean of an error map (h, w) whose pixels are not independent: no interval."""
+
+    def over(mask: Mask) -> Score:
+        return Score(metric=metric, value=float(np.mean(error[mask])), note=note)
+
+    return measured(error.shape, over, error)
 
 
 def exposures(lit: Image) -> tuple[float, float, int]:
@@ -65,20 +68,6 @@ def exposures(lit: Image) -> tuple[float, float, int]:
     white = (-b + np.sqrt(b * b - 4 * a * c)) / (2 * a)
     start, stop = float(np.log2(white / np.max(lit))), float(np.log2(white / np.median(lit)))
     return start, stop, max(2, int(np.ceil(stop - start)))
-
-
-def _flip(truth: Image, shown: Image, start: float, stop: float, count: int) -> Image:
-    """The FLIP error map, (h, w) float64, of two (h, w, 3) images of finite, non-negative linear RGB."""
-    parameters = {
-        "ppd": PIXELS_PER_DEGREE,
-        "startExposure": start,
-        "stopExposure": stop,
-        "numExposures": count,
-        "tonemapper": "aces",
-    }
-    left, right = (np.ascontiguousarray(image, dtype=np.float32) for image in (truth, shown))
-    error, _, _ = evaluate(left, right, "HDR", applyMagma=False, computeMeanError=False, parameters=parameters)
-    return np.asarray(error, dtype=np.float64)[..., 0]
 
 
 METRICS.add("flip", Flip())

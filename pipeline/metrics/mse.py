@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from typing import final
 
-from pipeline.metrics.protocol import METRICS, Estimate, Measured, Reference
-from pipeline.metrics.squared_error import squared_error
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.metrics.squared_error import weighted_score
 
 
 @final
@@ -17,17 +15,13 @@ class Mse:
     name = "mse"
     title = "MSE"
     unit = "(W/(m² sr))²"
-    better: Literal["lower", "higher"] = "lower"
+    better: Better = "lower"
+    judges: Judges = "error"
+    source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
         """Score with its interval; map (h, w) of which the measured error is the mean, negative where below the reference's noise."""
-        if note := defect(estimate, reference):
-            return undefined(self.name, note)
-        error = squared_error(estimate, reference)
-        score = Score(
-            metric=self.name, value=error.value, low=error.low, high=error.high, bound=error.bound, note=error.note
-        )
-        return Measured(score, error.map)
+        return weighted_score(self.name, estimate, reference)
 
 
 METRICS.add("mse", Mse())

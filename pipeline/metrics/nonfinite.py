@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Estimate, Image, Measured, Reference
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
 from pipeline.record import Score
 
 
@@ -17,13 +17,19 @@ class NonFinite:
     name = "nonfinite"
     title = "Non-finite pixels"
     unit = "pixels"
-    better: Literal["lower", "higher"] = "lower"
+    better: Better = "lower"
+    judges: Judges = "defects"
+    source = "IEEE 754"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """The count, which is exact; map (h, w): 1 at such a pixel, 0 elsewhere."""
+        """The count, which is exact; map (h, w): 1 at such a pixel, 0 elsewhere. Looks at the estimate alone."""
         bad: Image = np.where(np.isfinite(estimate.mean).all(axis=-1), 0.0, 1.0)
-        count = float(np.sum(bad))
-        return Measured(Score(metric=self.name, value=count, low=count, high=count), bad)
+
+        def over(mask: Mask) -> Score:
+            count = float(np.sum(bad[mask]))
+            return Score(metric=self.name, value=count, low=count, high=count)
+
+        return measured(bad.shape, over, bad)
 
 
 METRICS.add("nonfinite", NonFinite())

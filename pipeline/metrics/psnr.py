@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from typing import final
 
 import numpy as np
 from skimage.metrics import peak_signal_noise_ratio
 
-from pipeline.metrics.protocol import METRICS, Estimate, Image, Measured, Reference
-from pipeline.metrics.squared_error import NOISE_SHARE, scale_interval, standard_error
-from pipeline.metrics.tone import displayed, exposure
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.metrics.spread import scale_interval, standard_error
+from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE
+from pipeline.metrics.tone import displayed, exposure, shown_noise
 from pipeline.metrics.undefined import defect, undefined
 from pipeline.record import Score
 
@@ -19,13 +20,16 @@ from pipeline.record import Score
 class Psnr:
     """10 log10(1 / MSE) of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data range 1.
 
-    The reference's noise is in it; where that makes up more than a tenth of the difference, the note says that the value is only a lower bound.
+    The interval is that of the displayed pictures' MSE, taken through the logarithm. The reference's noise is in it; where that
+    makes up more than a tenth of the difference, the value is the interval's lower end and is marked as a bound.
     """
 
     name = "psnr"
     title = "PSNR (sRGB, exposed for the reference)"
     unit = "dB"
-    better: Literal["lower", "higher"] = "higher"
+    better: Better = "higher"
+    judges: Judges = "error"
+    source = "scikit-image, peak_signal_noise_ratio"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
         """Score with its interval, infinite for equal pictures; map (h, w): squared difference of the displayed pictures."""
@@ -34,23 +38,22 @@ class Psnr:
         scale = exposure(reference.mean)
         shown, truth = displayed(estimate.mean, scale), displayed(reference.mean, scale)
         squared = np.mean((shown - truth) ** 2, axis=-1)
-        mean = float(np.mean(squared))
-        value = float(peak_signal_noise_ratio(truth, shown, data_range=1.0)) if mean > 0 else float("inf")
-        low, high = (_decibels(x) for x in scale_interval(mean, standard_error(squared))[::-1])
-        note = f"exposure {scale:.4g}" + ("; a lower bound: reference noise" if _noisy(reference, scale, mean) else "")
-        return Measured(Score(metric=self.name, value=value, low=low, high=high, note=note), squared)
+
+        def over(mask: Mask) -> Score:
+            mean, note = float(np.mean(squared[mask])), f"exposure {scale:.4g}"
+            low, high = (_decibels(x) for x in scale_interval(mean, standard_error(squared, mask))[::-1])
+            if shown_noise(reference, scale, mask) > NOISE_SHARE * mean:
+                note = f"{note}; a lower bound: {BELOW_NOISE}"
+                return Score(metric=self.name, value=low, low=low, high=high, bound=True, note=note)
+            value = peak_signal_noise_ratio(truth[mask], shown[mask], data_range=1.0) if mean > 0 else np.inf
+            return Score(metric=self.name, value=float(value), low=low, high=high, note=note)
+
+        return measured(squared.shape, over, squared)
 
 
 def _decibels(mean_square: float) -> float:
     """10 log10(1 / mean square), infinite for 0."""
     return -10.0 * float(np.log10(mean_square)) if mean_square > 0 else float("inf")
-
-
-def _noisy(reference: Reference, scale: float, mean_square: float) -> bool:
-    """Whether the reference's noise, one standard error as displayed, makes up a tenth of the difference."""
-    shifted: Image = reference.mean + np.sqrt(reference.variance)
-    noise = np.mean((displayed(shifted, scale) - displayed(reference.mean, scale)) ** 2)
-    return bool(noise > NOISE_SHARE * mean_square)
 
 
 METRICS.add("psnr", Psnr())

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from dataclasses import replace
+from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Estimate, Measured, Reference
-from pipeline.metrics.squared_error import squared_error
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.metrics.squared_error import squared_error, to_score
 from pipeline.metrics.undefined import defect, undefined
 from pipeline.record import Score
 
@@ -19,16 +20,23 @@ class Rmse:
     name = "rmse"
     title = "RMSE"
     unit = "W/(m² sr)"
-    better: Literal["lower", "higher"] = "lower"
+    better: Better = "lower"
+    judges: Judges = "error"
+    source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
         """Score with its interval; map (h, w): root mean square over channels of the difference, the reference's noise in it."""
         if note := defect(estimate, reference):
             return undefined(self.name, note)
-        error = squared_error(estimate, reference)
-        value, low, high = (None if x is None else float(np.sqrt(x)) for x in (error.value, error.low, error.high))
-        score = Score(metric=self.name, value=value, low=low, high=high, bound=error.bound, note=error.note)
-        return Measured(score, np.sqrt(np.mean((estimate.mean - reference.mean) ** 2, axis=-1)))
+
+        def over(mask: Mask) -> Score:
+            error = squared_error(estimate, reference, mask=mask)
+            roots = (None if x is None else float(np.sqrt(x)) for x in (error.value, error.low, error.high))
+            value, low, high = roots
+            return to_score(self.name, replace(error, value=value, low=low, high=high))
+
+        root = np.sqrt(np.mean((estimate.mean - reference.mean) ** 2, axis=-1))
+        return measured(root.shape, over, root)
 
 
 METRICS.add("rmse", Rmse())

@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from typing import final
 
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from pipeline.metrics.protocol import METRICS, Estimate, Image, Measured, Reference
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
 from pipeline.metrics.tone import displayed, exposure
 from pipeline.metrics.undefined import defect, undefined
 from pipeline.record import Score
 
 WINDOW = 11  # pixels; a gaussian of standard deviation 1.5, cut at 3.5 of them
+BORDER = (WINDOW - 1) // 2
 
 
 @final
@@ -21,13 +22,15 @@ class Ssim:
     """SSIM [wang2004] of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data range 1.
 
     Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, per channel, mean over channels and over all pixels whose window lies
-    inside. Windows overlap, so that one image gives no interval: replicate seeds do.
+    inside; of a region, over its own pixels among those. Windows overlap, so that one image gives no interval: replicate seeds do.
     """
 
     name = "ssim"
     title = "SSIM (sRGB, exposed for the reference)"
     unit = "1"
-    better: Literal["lower", "higher"] = "higher"
+    better: Better = "higher"
+    judges: Judges = "error"
+    source = "[wang2004]; scikit-image, structural_similarity"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
         """Score, 1 for equal pictures; map (h, w) of the local similarity. Undefined below 11 x 11 pixels."""
@@ -36,18 +39,25 @@ class Ssim:
         if min(estimate.mean.shape[:2]) < WINDOW:
             return undefined(self.name, f"the picture is smaller than the {WINDOW} x {WINDOW} window")
         scale = exposure(reference.mean)
-        similarity: tuple[float, Image] = structural_similarity(  # pyright: ignore[reportAssignmentType]
-            displayed(reference.mean, scale),
-            displayed(estimate.mean, scale),
-            data_range=1.0,
-            channel_axis=-1,
-            gaussian_weights=True,
-            use_sample_covariance=False,
-            full=True,
-        )
-        value, local = similarity
-        score = Score(metric=self.name, value=float(value), note=f"exposure {scale:.4g}")
-        return Measured(score, np.mean(local, axis=-1))
+        local = _similarity(displayed(reference.mean, scale), displayed(estimate.mean, scale))
+        whole = np.zeros(local.shape, dtype=np.bool_)
+        whole[BORDER:-BORDER, BORDER:-BORDER] = True
+
+        def over(mask: Mask) -> Score:
+            inside = mask & whole
+            if not inside.any():
+                return Score(metric=self.name, value=None, note="no pixel here has its whole window in the picture")
+            return Score(metric=self.name, value=float(np.mean(local[inside])), note=f"exposure {scale:.4g}")
+
+        return measured(local.shape, over, local)
+
+
+def _similarity(truth: Image, shown: Image) -> Image:
+    """The local similarity (h, w), mean over channels. truth, shown: (h, w, 3) in [0, 1]."""
+    _, local = structural_similarity(  # pyright: ignore[reportAssignmentType]
+        truth, shown, data_range=1.0, channel_axis=-1, gaussian_weights=True, use_sample_covariance=False, full=True
+    )
+    return np.mean(np.asarray(local, dtype=np.float64), axis=-1)
 
 
 METRICS.add("ssim", Ssim())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.metrics.protocol import Image
+from pipeline.metrics.protocol import Image, Mask, Reference
 
 MIDDLE_GRAY = 0.18
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear sRGB, ITU-R BT.709
@@ -33,7 +33,18 @@ def exposure(reference: Image) -> float:
     return 1.0 if lit is None else MIDDLE_GRAY / float(np.median(lit))
 
 
+def clipped(image: Image, scale: float) -> Image:
+    """Scaled and clipped to [0, 1], still linear. image: (h, w, 3)."""
+    return np.clip(image * scale, 0.0, 1.0)
+
+
 def displayed(image: Image, scale: float) -> Image:
     """Scaled, clipped to [0, 1] and sRGB-encoded [iec61966]. image: (h, w, 3), linear RGB -> (h, w, 3) in [0, 1]."""
-    linear = np.clip(image * scale, 0.0, 1.0)
+    linear = clipped(image, scale)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def shown_noise(reference: Reference, scale: float, mask: Mask) -> float:
+    """Mean square over a mask (h, w) of one standard error of the reference, as displayed."""
+    shifted: Image = reference.mean + np.sqrt(reference.variance)
+    return float(np.mean((displayed(shifted, scale) - displayed(reference.mean, scale))[mask] ** 2))

@@ -1,49 +1,70 @@
-"""References kept by what they depend on: scene content, backend and its version, request.
+"""References kept by what they depend on: scene content, backend and its version, quantity, seed.
 
-One entry is one folder named by its key, holding reference.exr (mean, variance, count, provenance; for eyes and reports)
-and reference.npz (the same in float64, its checksum in the EXR). A folder is made under another name and renamed into place, so
-that it is whole or not there, and of two processes that want the same one the second takes the first's.
+    <key>/{reference.exr,reference.npz,provenance.json,SHA256SUMS}   a reference: mean, variance and count to look at; the same in float64
+    <key>.unfinished                                                 batches of one that was interrupted, checksum first
+
+How many samples are wanted is no part of the key: who asks for more adds batches to those that are there. A folder is written
+aside and sealed with checksums (see `pipeline.entries`), and what is in <key>.unfinished is removed only after that, so that a
+process killed at any moment loses what it drew since it last saved, about a second's work, and nothing else. Of two processes that
+want the same reference one waits for the other.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
-import io
 import json
 import logging
 import os
-import secrets
 import shutil
-import time
 import zipfile
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.entries import SEAL, Writer, damage, sealed, write_entry
+from pipeline.machine import machine
 from pipeline.record import ReferenceInfo
-from pipeline.references.protocol import BACKENDS, Progress, ReferenceBackend, ReferenceImage, ReferenceRequest
+from pipeline.references.batches import met, to_tally
+from pipeline.references.protocol import (
+    BACKENDS,
+    Continuation,
+    Progress,
+    ReferenceBackend,
+    ReferenceImage,
+    ReferenceRequest,
+    refusal,
+)
+from pipeline.references.tally import Tally
+from pipeline.references.unfinished import Unfinished, from_npz, to_npz
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
-from scenes.images import read_estimate_exr, write_estimate_exr
+from scenes.images import write_estimate_exr
 
 log = logging.getLogger("penumbra")
 
-FORMAT = 1  # goes into the key: entries of another layout are other entries
-DAY = 86_400.0  # seconds
-EXR, STATE, CHECKSUM = "reference.exr", "reference.npz", "sha256 of reference.npz"
+FORMAT = 2  # goes into the key: entries of another layout are other entries
+EXR, STATE, PROVENANCE = FILES = ("reference.exr", "reference.npz", "provenance.json")
+UNFINISHED = ".unfinished"
 
 
 @dataclass(frozen=True, eq=False)
 class StoredReference:
-    """A reference on disk. path: its EXR; key: its content address; backend: its name; fresh: rendered by this very call."""
+    """A reference on disk. path: its EXR; key: its content address; backend: its name; fresh: whether this very call drew samples.
+
+    kept: how many samples a pixel were there before it did.
+    """
 
     path: Path
     key: str
     backend: str
     image: ReferenceImage
     fresh: bool
+    kept: int = 0
 
 
 class _Damaged(Exception):
@@ -57,25 +78,39 @@ def reference_for(
     root: Path,
     progress: Progress | None = None,
 ) -> StoredReference:
-    """The reference of `scene` by that backend, from `root` if it is there and whole, rendered and stored if not.
+    """The reference of `scene` by that backend, from `root` if it is there, whole and precise enough; else made, or added to, and stored.
 
     A damaged entry is reported through the logger "penumbra" and rendered again. PenumbraError where the backend is
-    unknown, refuses the scene or fails, and, before any rendering, where `root` cannot be written.
+    unknown, refuses the scene or fails, and, before any rendering, where `root` cannot be written. An interruption
+    leaves the batches that were finished to the next call.
     """
     backend = BACKENDS[backend_name]
     key = reference_key(scene, backend_name, backend.version(), request)
-    stored = _load(root / key, key, backend_name)
-    return stored or _render(scene, backend, request, root / key, progress)
+    try:
+        stored = _read(root / key, key, backend_name)  # without a lock: `root` may be there to be read only
+    except _Damaged:
+        stored = None
+    if stored and met(stored.image, request):
+        return stored
+    reason = refusal(backend, scene, request.quantity)
+    if reason:
+        raise PenumbraError(f"scene {scene.name}: no {backend.name} reference: {reason}")
+    with _locked(root, key):
+        stored = _load(root / key, key, backend_name)
+        if stored and met(stored.image, request):
+            return stored
+        return _make(scene, backend, request, root / key, stored, progress)
 
 
 def reference_key(scene: SceneDescription, backend: str, version: str, request: ReferenceRequest) -> str:
-    """SHA-256, shortened to 32 digits, of everything that a reference depends on."""
+    """SHA-256, shortened to 32 digits, of everything that a reference depends on but the number of its samples."""
     parts = {
         "format": FORMAT,
         "scene": scene.content_hash(),
         "backend": backend,
         "version": version,
-        "request": asdict(request),
+        "quantity": request.quantity,
+        "seed": request.seed,
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
@@ -94,115 +129,127 @@ def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
     )
 
 
-def _render(
+@contextmanager
+def _locked(root: Path, key: str) -> Generator[None]:
+    """Keep others from making the same reference; ends with the process at the latest."""
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        file = (root / f".{key}.lock").open("w")
+    except OSError as error:
+        raise PenumbraError(f"{root}: references cannot be written here: {error.strerror}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            log.warning("reference %s is being made by another process; waiting for it", key)
+            fcntl.flock(file, fcntl.LOCK_EX)
+        except OSError as error:  # a file system without locks: renaming still keeps entries whole
+            log.warning("%s: references cannot be locked here: %s", root, error.strerror)
+        yield
+
+
+def _make(
     scene: SceneDescription,
     backend: ReferenceBackend,
     request: ReferenceRequest,
     entry: Path,
+    stored: StoredReference | None,
     progress: Progress | None,
 ) -> StoredReference:
-    refusal = backend.refuses(scene)
-    if refusal:
-        raise PenumbraError(f"scene {scene.name}: no {backend.name} reference: {refusal}")
-    folder = _new_folder(entry)
+    """Render what is missing beyond `stored` and what an interrupted call left, and store the whole."""
+    unfinished = Unfinished(entry.with_name(entry.name + UNFINISHED))
+    start = _start(stored, unfinished.read(scene.film))
     try:
-        image = backend.render(scene, request, progress)
-        _write(folder, _described(image, entry.name, backend, request))
-        _publish(folder, entry)
+        image = backend.render(scene, request, progress, Continuation(start, unfinished.keep))
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
-    stored = _load(entry, entry.name, backend.name)
-    if stored is None:
-        raise PenumbraError(f"{entry}: the reference just written cannot be read back")
-    return replace(stored, fresh=True)
+        unfinished.save()
+    image = _described(image, entry.name, backend, scene, request)
+    _write(entry, image)
+    unfinished.remove()
+    return StoredReference(entry / EXR, entry.name, backend.name, image, fresh=True, kept=start.spp if start else 0)
 
 
-def _described(image: ReferenceImage, key: str, backend: ReferenceBackend, request: ReferenceRequest) -> ReferenceImage:
+def _start(stored: StoredReference | None, unfinished: Tally | None) -> Tally | None:
+    """What there is most of."""
+    done = to_tally(stored.image) if stored and stored.image.batches > 1 else None
+    found = [tally for tally in (done, unfinished) if tally]
+    return max(found, key=lambda tally: tally.spp, default=None)
+
+
+def _described(
+    image: ReferenceImage, key: str, backend: ReferenceBackend, scene: SceneDescription, request: ReferenceRequest
+) -> ReferenceImage:
     """The image with what the cache knows added to its provenance; numbers in full, so that they are read back as they were."""
     known = {
         "key": key,
+        "scene": scene.content_hash(),
         "backend": backend.name,
         "version": backend.version(),
+        "quantity": request.quantity,
         "spp": str(image.spp),
         "batches": str(image.batches),
         "seconds": repr(image.seconds),
         "seed": str(request.seed),
+        "machine": machine(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return replace(image, provenance=image.provenance | known)
 
 
-def _new_folder(entry: Path) -> Path:
-    folder = entry.with_name(f".{entry.name}.{os.getpid()}.{secrets.token_hex(4)}")
+def _write(entry: Path, image: ReferenceImage) -> None:
+    count = np.full(image.mean.shape[:2], float(image.spp))
+    text = json.dumps(image.provenance)
+    state = {"mean": image.mean, "variance": image.variance, "count": count, "provenance": np.array(text)}
+    writers: dict[str, Writer] = {
+        EXR: lambda path: write_estimate_exr(path, image.mean, image.variance, count, image.provenance),
+        STATE: lambda path: _write_bytes(path, to_npz(state)),
+        PROVENANCE: lambda path: _write_bytes(path, json.dumps(image.provenance, indent=1).encode()),
+    }
+    scratch = entry.parent / f".{entry.name}.draft"
     try:
-        folder.mkdir(parents=True)
-        for left in entry.parent.glob(f".{entry.name}.*"):  # by a process that was killed
-            if time.time() - left.stat().st_mtime > DAY:
-                shutil.rmtree(left, ignore_errors=True)
+        shutil.rmtree(scratch, ignore_errors=True)  # of a process that was killed: the lock is ours
+        write_entry(entry, scratch, writers)
+        shutil.rmtree(scratch, ignore_errors=True)
     except OSError as error:
-        raise PenumbraError(f"{entry.parent}: references cannot be written here: {error.strerror}") from error
-    return folder
+        raise PenumbraError(f"{entry}: cannot be written: {error.strerror or error}") from error
 
 
-def _write(folder: Path, image: ReferenceImage) -> None:
-    mean, variance, count = image.mean, image.variance, np.full(image.mean.shape[:2], float(image.spp))
-    provenance = np.array(json.dumps(image.provenance))
-    try:
-        np.savez(folder / STATE, mean=mean, variance=variance, count=count, provenance=provenance)
-        checksum = hashlib.sha256((folder / STATE).read_bytes()).hexdigest()
-    except OSError as error:
-        raise PenumbraError(f"{folder / STATE}: cannot be written: {error.strerror or error}") from error
-    write_estimate_exr(folder / EXR, mean, variance, count, image.provenance | {CHECKSUM: checksum})
-
-
-def _publish(folder: Path, entry: Path) -> None:
-    """Rename `folder` to `entry`; where another process was first, keep the other's."""
-    try:
-        folder.rename(entry)
-    except OSError as error:
-        if not entry.is_dir():
-            raise PenumbraError(f"{entry}: cannot be written: {error.strerror}") from error
+def _write_bytes(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
 
 
 def _load(entry: Path, key: str, backend: str) -> StoredReference | None:
     """The entry, or None where there is none; a damaged one is reported and put out of the way."""
-    if not entry.is_dir():
-        return None
     try:
-        return StoredReference(entry / EXR, key, backend, _read(entry, key), fresh=False)
+        return _read(entry, key, backend)
     except _Damaged as error:
         log.warning("reference %s is damaged (%s); it will be made again", entry, error)
         shutil.rmtree(entry, ignore_errors=True)
         return None
 
 
-def _read(entry: Path, key: str) -> ReferenceImage:
-    """The entry's image; _Damaged unless both files are whole, agree with each other and carry `key`."""
+def _read(entry: Path, key: str, backend: str) -> StoredReference | None:
+    """The entry, None where there is none; _Damaged unless every file is what was written and carries `key`."""
+    if not entry.is_dir():
+        return None
+    problem = damage(entry)
+    if problem:
+        raise _Damaged(problem)
     try:
-        exr, content = read_estimate_exr(entry / EXR), (entry / STATE).read_bytes()
-        if hashlib.sha256(content).hexdigest() != exr.metadata.pop(CHECKSUM, None):
-            raise _Damaged(f"{STATE} does not match its checksum")
-        image = _parse(content)
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, PenumbraError) as error:
-        raise _Damaged(str(error) or type(error).__name__) from error
-    if image.provenance.get("key") != key or exr.metadata != image.provenance:
-        raise _Damaged("its provenance is another's")
-    if not (_same(exr.mean, image.mean) and _same(exr.variance, image.variance)):
-        raise _Damaged(f"{EXR} and {STATE} differ")
-    return image
-
-
-def _parse(content: bytes) -> ReferenceImage:
-    with np.load(io.BytesIO(content), allow_pickle=False) as state:
-        provenance = json.loads(str(state["provenance"]))
-        return ReferenceImage(
-            mean=state["mean"],
-            variance=state["variance"],
+        if sorted(sealed(entry)) != sorted(FILES):
+            raise _Damaged(f"{SEAL} is not whole")
+        arrays = from_npz((entry / STATE).read_bytes())
+        provenance = json.loads(str(arrays["provenance"]))
+        image = ReferenceImage(
+            mean=arrays["mean"],
+            variance=arrays["variance"],
             spp=int(provenance["spp"]),
             batches=int(provenance["batches"]),
             seconds=float(provenance["seconds"]),
             provenance=provenance,
         )
-
-
-def _same(stored: NDArray[np.float64], exact: NDArray[np.float64]) -> bool:
-    return np.array_equal(stored, exact.astype(np.float32).astype(np.float64))
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise _Damaged(str(error) or type(error).__name__) from error
+    if provenance.get("key") != key:
+        raise _Damaged("its provenance is another's")
+    return StoredReference(entry / EXR, key, backend, image, fresh=False, kept=image.spp)

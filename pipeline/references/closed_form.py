@@ -1,8 +1,9 @@
 """Reference images in closed form: exact radiance, integrated over each pixel by adaptive quadrature with an error bound.
 
 No sampling and no ray tracing: the light's outline and the receivers' edges are cut exactly on the film, and what is
-left to integrate is smooth. The scene must have one light over coplanar receivers (`closed_form_scene`); there the
-image is right also where every sampling reference fails, a light touching the floor being the case in point.
+left to integrate is smooth. The scene must have one light over coplanar receivers (`closed_form_scene`), or distant
+lights and a sky of one radiance over such (`closed_form_uniform`). There the image is right also where every sampling
+reference fails, a light touching the floor being the case in point.
 
 `variance` of the image is the square of the error bound, `batches` and `spp` are 0: nothing was sampled, and a test
 against this reference has the noise of the other side only. The error is almost always far below its bound.
@@ -19,8 +20,22 @@ from numpy.typing import NDArray
 
 from pipeline.references.closed_form_film import film_plane
 from pipeline.references.closed_form_image import closed_form_image, radiance_at
-from pipeline.references.closed_form_scene import analyse
-from pipeline.references.protocol import BACKENDS, Progress, ReferenceImage, ReferenceRequest
+from pipeline.references.closed_form_scene import ClosedFormScene, analyse
+from pipeline.references.closed_form_uniform import (
+    UniformScene,
+    is_uniform,
+    open_scene,
+    uniform_image,
+    uniform_scene,
+)
+from pipeline.references.protocol import (
+    BACKENDS,
+    Continuation,
+    Progress,
+    Quantity,
+    ReferenceImage,
+    ReferenceRequest,
+)
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError, SceneError
 
@@ -41,23 +56,30 @@ class ClosedFormBackend:
         sources = sorted([*here.glob("closed_form*.py"), *here.glob("radiometry*.py")])
         return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
 
-    def refuses(self, scene: SceneDescription) -> str | None:
+    def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What keeps the scene from having a closed form, in one sentence."""
         try:
-            analyse(scene)
+            _parts(scene, quantity)
         except SceneError as error:
             return str(error)
         return None
 
     def render(
-        self, scene: SceneDescription, request: ReferenceRequest, progress: Progress | None = None
+        self,
+        scene: SceneDescription,
+        request: ReferenceRequest,
+        progress: Progress | None = None,
+        continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """The image; `request` has no bearing, as there is nothing to sample. PenumbraError if the scene is refused."""
-        refusal = self.refuses(scene)
+        """The image; of `request` only the quantity has a bearing: there is nothing to sample. PenumbraError if the scene is refused."""
+        refusal = self.refuses(scene, request.quantity)
         if refusal:
             raise PenumbraError(f"scene {scene.name}: {refusal}")
         start = time.perf_counter()
-        image = closed_form_image(analyse(scene), film_plane(scene.camera, scene.film), TOLERANCE)
+        parts, film = _parts(scene, request.quantity), film_plane(scene.camera, scene.film)
+        image = (
+            uniform_image(parts, film) if isinstance(parts, UniformScene) else closed_form_image(parts, film, TOLERANCE)
+        )
         shape = (scene.film.height, scene.film.width, 3)
         provenance = {
             "backend": self.name,
@@ -71,6 +93,13 @@ class ClosedFormBackend:
             progress(1.0)
         mean, variance = image.mean.reshape(shape), image.bound.reshape(shape) ** 2
         return ReferenceImage(mean, variance, 0, 0, time.perf_counter() - start, provenance)
+
+
+def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | UniformScene:
+    """What the image is made of; SceneError where there is no closed form."""
+    if quantity == "ambient-occlusion":
+        return open_scene(scene)
+    return uniform_scene(scene) if is_uniform(scene) else analyse(scene)
 
 
 def radiance_at_centers(scene: SceneDescription) -> Array:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pipeline.references.closed_form_scene import ClosedFormScene, Patch
 from pipeline.references.radiometry import clip_polygon_by_plane
 from pipeline.references.radiometry_cone import Cone, disk_cone, sphere_cone
-from scenes.description import Film, PerspectiveCamera, Sphere
+from scenes.description import Film, PerspectiveCamera, PointLight, Sphere
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -183,8 +183,8 @@ def areas(polygons: Array) -> Array:
 
 
 def _cone(scene: ClosedFormScene, film: FilmPlane) -> Cone | None:
-    """The light's cone from the eye; None if it is edge-on or behind the camera."""
-    if isinstance(scene.light, Patch):
+    """The light's cone from the eye; None if it has none: a patch, a point, or edge-on, or behind the camera."""
+    if isinstance(scene.light, Patch | PointLight):
         return None
     eye, center = film.eye[:, None], scene.light.center[:, None]
     if isinstance(scene.light, Sphere):

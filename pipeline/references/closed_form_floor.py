@@ -16,7 +16,7 @@ from pipeline.references.closed_form_film import FilmPlane
 from pipeline.references.closed_form_quadrature import Cells
 from pipeline.references.closed_form_scene import ClosedFormScene, Patch, Plane, light_points
 from pipeline.references.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
-from scenes.description import Disk, Sphere
+from scenes.description import Disk, PointLight, Sphere
 
 Array = NDArray[np.float64]
 
@@ -57,8 +57,10 @@ class Floor:
         return np.stack([to_eye @ axis + t * (d @ axis) for axis in (self.x_axis, self.s_axis)], axis=-1)
 
     def irradiance(self, points: Array) -> Array:
-        """Irradiance (n,) per unit radiance at points (n, 3) of the plane, on the camera's side."""
+        """Irradiance (n,) per unit radiance, or intensity, at points (n, 3) of the plane, on the camera's side."""
         light, two_sided = self.scene.light, self.scene.two_sided
+        if isinstance(light, PointLight):
+            return self.plane.height(light.position) / np.linalg.norm(points - light.position, axis=-1) ** 3
         if isinstance(light, Patch):
             return polygon_irradiance(points, self.plane.normal, light.outline, two_sided=two_sided)
         if isinstance(light, Sphere):
@@ -71,8 +73,18 @@ class Floor:
         return self.irradiance(points).reshape(x.shape) * self._density(self._depth(x, s))
 
     def most(self, cells: Cells) -> Array:
-        """Upper bound (n,) of `value` in the cells: irradiance is at most pi."""
-        return np.pi * self._density(self._depth(*cells.at(_U, _V)).min(axis=1))
+        """Upper bound (n,) of `value` in the cells: irradiance is at most pi, and under a point that at its foot."""
+        light = self.scene.light
+        highest = 1 / self.plane.height(light.position) ** 2 if isinstance(light, PointLight) else np.pi
+        return highest * self._density(self._depth(*cells.at(_U, _V)).min(axis=1))
+
+    def roughly(self, cells: Cells) -> Array:
+        """About the integral (n,) of `value` over cells; under a point no more than over the whole plane, 2 pi: its foot may be the middle."""
+        middle = cells.at(np.array([0.5]), np.array([0.5]))
+        rough = self.value(*middle)[:, 0] * cells.area
+        if isinstance(self.scene.light, PointLight):
+            return np.minimum(rough, 2 * np.pi * self._density(self._depth(*middle))[:, 0])
+        return rough
 
     def resolved(self, cells: Cells) -> tuple[Array, Array]:
         """Each direction's extent over the distance to the nearest singularity across it: the light's boundary, or depth 0.
@@ -101,8 +113,8 @@ class Floor:
     def _boundary(self, points: Array) -> tuple[Array, Array]:
         """Distances (...) of points (..., 3) to what is singular along x and along s."""
         light = self.scene.light
-        if isinstance(light, Sphere):
-            d = np.linalg.norm(points - light.center, axis=-1)
+        if isinstance(light, Sphere | PointLight):
+            d = np.linalg.norm(points - (light.center if isinstance(light, Sphere) else light.position), axis=-1)
             return d, d
         if isinstance(light, Disk):
             d = _rim_distance(points, light)
@@ -123,7 +135,7 @@ def make_floor(scene: ClosedFormScene, film: FilmPlane) -> Floor | None:
         return None
     lowest = light_points(scene.light, -plane.normal)
     foot = lowest - plane.height(lowest) * plane.normal
-    if isinstance(scene.light, Sphere):
+    if isinstance(scene.light, Sphere | PointLight):
         x_axis = _in_plane(np.eye(3)[np.argmin(np.abs(plane.normal))], plane)
         return Floor(scene, plane, film, foot, x_axis, np.cross(x_axis, plane.normal))
     towards = scene.light.normal - (scene.light.normal @ plane.normal) * plane.normal
@@ -142,7 +154,7 @@ def make_floor(scene: ClosedFormScene, film: FilmPlane) -> Floor | None:
 
 def front_plane(scene: ClosedFormScene, film: FilmPlane) -> Array | None:
     """The film's half-space (3,) in which the plane's points are seen that lie before the light; None: nothing separates them."""
-    if scene.plane is None or isinstance(scene.light, Sphere):
+    if scene.plane is None or isinstance(scene.light, Sphere | PointLight):
         return None
     light = scene.light
     point = light.outline[0] if isinstance(light, Patch) else light.center

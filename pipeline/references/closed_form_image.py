@@ -94,8 +94,7 @@ def _floor_light(
         for polygons, pixel in _lit(scene, film, _not_behind(film, outline, seen)):
             pieces.append((floor.coordinates(polygons), pixel + number * film.pixels))
     cells = _all_cells([trapezoids(*piece) for piece in pieces if piece[1].size])
-    middle = (np.array([0.5]), np.array([0.5]))
-    rough = sums(cells.owner, floor.value(*cells.at(*middle))[:, 0] * cells.area, len(scene.receivers) * film.pixels)
+    rough = sums(cells.owner, floor.roughly(cells), len(scene.receivers) * film.pixels)
     lit = rough[rough > 0]
     scale = np.maximum(rough, 0.01 * lit.mean() if lit.size else 1.0)
     return integrate(cells, Integrand(floor.value, floor.most, floor.resolved), scale, tolerance)
@@ -112,7 +111,8 @@ def _in_view(film: FilmPlane, planes: Array) -> Pieces:
     whole, mixed = classify(film, planes)
     inside = np.flatnonzero(whole)
     cut = clip_by_planes(film.squares(mixed), np.broadcast_to(planes, (mixed.size, *planes.shape)))
-    return [(film.squares(inside), inside), (cut, mixed)]
+    left = np.flatnonzero(areas(cut) > 0)  # what is empty has corners that are nowhere on the plane
+    return [(film.squares(inside), inside), (cut[left], mixed[left])]
 
 
 def _not_behind(film: FilmPlane, outline: Silhouette, pieces: Pieces) -> Pieces:

@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 from pipeline.references.radiometry import clip_polygon_by_plane
 from scenes.description import (
     BilinearMesh,
+    Diffuse,
     Disk,
+    Light,
     PerspectiveCamera,
+    PointLight,
     SceneDescription,
     ShapeDescription,
     Sphere,
@@ -35,6 +38,9 @@ class Patch:
 
     outline: Array
     normal: Array
+
+
+Emitter = Patch | Disk | Sphere | PointLight
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +65,9 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class ClosedFormScene:
-    """A scene with a closed form. radiance: (3,); eye: (3,), the camera's place; plane is None where there are no receivers."""
+    """A scene with a closed form. radiance: (3,), a point light's intensity; eye: (3,), the camera's place; plane is None where there are no receivers."""
 
-    light: Patch | Disk | Sphere
+    light: Emitter
     radiance: Array
     two_sided: bool
     receivers: tuple[Receiver, ...]
@@ -72,21 +78,46 @@ class ClosedFormScene:
 def analyse(scene: SceneDescription) -> ClosedFormScene:
     """The parts of a scene that has a closed form; SceneError saying in one sentence why a scene has none."""
     lights = [shape for shape in scene.shapes if shape.emission]
-    if len(lights) != 1 or lights[0].emission is None:
-        raise SceneError(f"the closed form needs exactly one light, and this scene has {len(lights)}")
+    count = len(lights) + len(scene.lights)
+    if count != 1:
+        raise SceneError(f"the closed form needs exactly one light, and this scene has {count}")
+    if not lights or lights[0].emission is None:
+        return _under_point(scene, scene.lights[0])
     emission, light = lights[0].emission, _light(lights[0])
-    receivers = tuple(_receiver(shape) for shape in scene.shapes if not shape.emission)
-    eye = np.array(scene.camera.camera_to_world[:3, 3])
-    plane = _common_plane(receivers, eye)
-    _require_apart(receivers)
+    if emission.image is not None:
+        raise SceneError("the closed form needs a light of the same radiance all over", lights[0].where)
+    receivers, plane, eye = ground(scene)
     if plane is not None:
         _require_same_side(light, plane, eye)
     _require_visible_outline(light, scene.camera, lights[0])
     return ClosedFormScene(light, emission.radiance, emission.two_sided, receivers, plane, eye)
 
 
-def light_points(light: Patch | Disk | Sphere, direction: Array) -> Array:
+def _under_point(scene: SceneDescription, light: Light) -> ClosedFormScene:
+    if not isinstance(light, PointLight):
+        raise SceneError("the closed form has no spot lights, nor a sky or sun beside another light", light.where)
+    receivers, plane, eye = ground(scene)
+    if plane is not None and plane.height(light.position) <= FLAT * float(np.abs(eye - plane.point).max()):
+        raise SceneError("the closed form needs light and camera on the same side of the receivers' plane", light.where)
+    return ClosedFormScene(light, light.intensity, False, receivers, plane, eye)
+
+
+def ground(scene: SceneDescription) -> tuple[tuple[Receiver, ...], Plane | None, Array]:
+    """What does not emit, the plane that it lies in, and the eye (3,); SceneError where it is not plain enough."""
+    pixel = scene.film.pixel_filter
+    if (pixel.kind, pixel.xradius, pixel.yradius) != ("box", 0.5, 0.5):
+        raise SceneError("the closed form needs the box filter of one pixel")
+    receivers = tuple(_receiver(shape) for shape in scene.shapes if not shape.emission)
+    eye = np.array(scene.camera.camera_to_world[:3, 3])
+    plane = _common_plane(receivers, eye)
+    _require_apart(receivers)
+    return receivers, plane, eye
+
+
+def light_points(light: Emitter, direction: Array) -> Array:
     """The point (3,) of the light that lies farthest along the unit vector `direction`."""
+    if isinstance(light, PointLight):
+        return light.position
     if isinstance(light, Patch):
         return light.outline[np.argmax(light.outline @ direction)]
     if isinstance(light, Sphere):
@@ -111,6 +142,8 @@ def _receiver(shape: ShapeDescription) -> Receiver:
         raise SceneError(
             f"the closed form needs flat receivers of triangles or patches, and there is a {kind}", shape.where
         )
+    if not isinstance(shape.material, Diffuse) or not isinstance(shape.material.reflectance, np.ndarray):
+        raise SceneError("the closed form needs receivers of one diffuse reflectance each", shape.where)
     return Receiver(outline(shape.geometry, shape, oriented=False), shape.material.reflectance)
 
 

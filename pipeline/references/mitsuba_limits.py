@@ -3,27 +3,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from trimesh.triangles import closest_point
 
-from pipeline.references.mitsuba_scene import Frame, basis, convert, normalising_frame, triangles
+from pipeline.references.mitsuba_scene import convert, normalising_frame
+from pipeline.references.mitsuba_shapes import Frame, basis, side_shift, triangles
 from pipeline.references.mitsuba_worker import RAY_LIFT
-from scenes.description import Array, Disk, Geometry, SceneDescription, ShapeDescription, Sphere
+from scenes.description import (
+    Array,
+    Disk,
+    Geometry,
+    PointLight,
+    SceneDescription,
+    ShapeDescription,
+    Sphere,
+    SpotLight,
+)
+from scenes.errors import Location
 
 RIM = 64  # points on a disk's rim
 
 
 def reason(scene: SceneDescription) -> str | None:
     """Why `scene` is out of Mitsuba's reach, in one sentence, or None; SceneError where it cannot be converted at all."""
-    lights = [shape for shape in scene.shapes if shape.emission]
-    if not lights:
+    if not scene.lights and not any(shape.emission for shape in scene.shapes):
         return "it has no lights, so that its reference would be black"
-    if any(light.emission and light.emission.two_sided for light in lights):
-        return "it has a two-sided light, and Mitsuba's area lights have one side"
     convert(scene)
-    return _overlooked_gap(scene, lights)
+    return _overlooked_gap(scene)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +47,25 @@ class _Proxy:
         return self.points.min(axis=0) - self.radius, self.points.max(axis=0) + self.radius
 
 
-def _overlooked_gap(scene: SceneDescription, lights: list[ShapeDescription]) -> str | None:
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """A light that has a place. shape: its own, which it may touch; moved: how far its conversion moves it, in normalised coordinates."""
+
+    proxy: _Proxy
+    where: Location | None
+    shape: ShapeDescription | None = None
+    moved: float = 0.0
+
+
+def _overlooked_gap(scene: SceneDescription) -> str | None:
     """A light nearer to another shape than a ray starts off it: measured, Mitsuba then reads 0 where the truth is 0.5."""
     frame = normalising_frame(scene)
     proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
-    for light, near in ((light, proxy) for light, proxy in proxies if light in lights):
-        low, high = near.box()
-        lift = RAY_LIFT * (1.0 + float(np.abs(np.stack([low, high])).max()))
+    for light in _lights(scene, proxies, frame):
+        low, high = light.proxy.box()
+        lift = RAY_LIFT * (1.0 + float(np.abs(np.stack([low, high])).max())) + light.moved
         for other, far in proxies:
-            gap = _gap(near, _within(far, low - lift, high + lift)) if other is not light else np.inf
+            gap = _gap(light.proxy, _within(far, low - lift, high + lift)) if other is not light.shape else np.inf
             if gap < lift:
                 where = f" ({light.where})" if light.where else ""
                 return (
@@ -54,6 +73,16 @@ def _overlooked_gap(scene: SceneDescription, lights: list[ShapeDescription]) -> 
                     f"{lift / frame.scale:.2g} off a surface and overlook it; use the closed-form reference"
                 )
     return None
+
+
+def _lights(scene: SceneDescription, proxies: list[tuple[ShapeDescription, _Proxy]], frame: Frame) -> Iterator[_Light]:
+    for shape, proxy in proxies:
+        if shape.emission:
+            moved = side_shift(shape.geometry, frame) if shape.emission.two_sided else 0.0
+            yield _Light(proxy, shape.where, shape, moved)
+    for light in scene.lights:
+        if isinstance(light, PointLight | SpotLight):
+            yield _Light(_Proxy(frame.points(light.position)[None], np.zeros((0, 3, 3))), light.where)
 
 
 def _proxy(geometry: Geometry, frame: Frame) -> _Proxy:

@@ -2,22 +2,23 @@
 """Renders one task with Mitsuba 3, in a process of its own: `python -m pipeline.references.mitsuba_worker FOLDER`.
 
 The only import of mitsuba. Its variant is global to a process and a wrong LLVM aborts it: both are reasons for a process
-of its own. FOLDER holds task.pickle (a `Task`, written by the parent) and gets result.npz; progress goes to stdout,
-one line `penumbra-progress SHARE` a pass. What it is given is declared here, and it imports nothing of the project: a worker
-starts in the time that mitsuba takes.
+of its own. FOLDER holds task.pickle (a `Task`, written by the parent) and gets one file a batch, named to stdout by a line
+`penumbra-batch NUMBER` once it is whole; before the first, `penumbra-lift PIXELS` (see `_lift`). What it is given is declared here, and it imports of the project only the plugins
+that Mitsuba lacks: a worker starts in the time that mitsuba takes.
 """
 
 from __future__ import annotations
 
 import pickle
 import sys
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from pipeline.references.mitsuba_plugins import register
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -25,77 +26,77 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-PROGRESS = "penumbra-progress"
-TASK, RESULT = "task.pickle", "result.npz"
+BATCH, LIFT = "penumbra-batch", "penumbra-lift"
+TASK = "task.pickle"
 RAY_LIFT = 9e-5  # times 1 + max|p| in Mitsuba's units: how far a ray starts off its surface
 
 
 @dataclass(frozen=True, eq=False)
-class MitsubaShape:
-    """One Mitsuba shape. kind: rectangle, disk, sphere or mesh; to_world: (4, 4), local to normalised world, for the first three.
+class Plugin:
+    """One Mitsuba object. tag: its XML element (shape, bsdf, emitter, texture); kind: its `type` there.
 
-    flip: normals the other way (spheres only; elsewhere it is in the geometry). vertices (m, 3), faces (t, 3): of a mesh.
+    values, by Mitsuba's names: float, int, bool or str; (3,) a colour; (4, 4) or (3, 3) a transformation; (h, w, c) a bitmap;
+    or a Plugin. The kind "mesh" has vertices (m, 3), faces (t, 3) int64 and uv, (m, 2) or None, beside them.
     """
 
+    tag: str
     kind: str
-    reflectance: Array
-    radiance: Array | None
-    to_world: Array | None = None
-    flip: bool = False
-    vertices: Array | None = None
-    faces: Faces | None = None
+    values: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class MitsubaScene:
-    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's; fov: degrees over the shorter side."""
+    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's; fov: degrees over the shorter side.
+
+    filter: the pixel filter in x and in y, each as its offsets from the pixel's middle at equal steps of probability, or None for the box
+    of one pixel. notes: what a reader of the reference should know, by name.
+    """
 
     camera_to_world: Array
     fov: float
     clip: tuple[float, float]
     width: int
     height: int
-    shapes: tuple[MitsubaShape, ...]
+    objects: tuple[Plugin, ...]
+    filter: tuple[Array, Array] | None = None
+    notes: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """batches runs of `passes` calls of `spp` samples a pixel each; seeds: (batches * passes,), one a call, in that order."""
+    """One batch of `spp` samples a pixel for each of `seeds`. hide_lights: from the camera; pixels that meet nothing then read 0."""
 
     variant: str
     scene: MitsubaScene
-    batches: int
-    passes: int
     spp: int
     seeds: tuple[int, ...]
+    hide_lights: bool = False
+
+
+def batch_file(folder: Path, number: int) -> Path:
+    """Where batch `number` of a task is left, (h, w, 3) float32: Mitsuba's own precision."""
+    return folder / f"{number}.npy"
 
 
 def main(folder: Path) -> None:
-    """Render the task in `folder` and leave there mean, m2 (sum of squared deviations of the batch means), lift and seconds."""
+    """Render the task in `folder`, batch by batch."""
+    import drjit as dr
     import mitsuba as mi
 
     task: Task = pickle.loads((folder / TASK).read_bytes())
     mi.set_variant(task.variant)
     mi.set_log_level(mi.LogLevel.Error)
-    scene = _build(mi, task.scene)
-    start = time.perf_counter()
-    mean, m2 = _accumulate(mi, scene, task)
-    np.savez(folder / RESULT, mean=mean, m2=m2, lift=_lift(mi, scene, task.scene), seconds=time.perf_counter() - start)
+    register(mi, dr, task.scene.filter)
+    scene = _build(mi, task)
+    print(LIFT, _lift(mi, scene, task.scene), flush=True)
+    _render(mi, scene, task, folder)
 
 
-def _accumulate(mi: Any, scene: Any, task: Task) -> tuple[Array, Array]:
-    """Welford's mean and m2 of the batch means, (h, w, 3) float64 each; a batch's mean is over its passes."""
-    shape = (task.scene.height, task.scene.width, 3)
-    mean, m2, seeds = np.zeros(shape), np.zeros(shape), iter(task.seeds)
-    for batch in range(task.batches):
-        total = np.zeros(shape)
-        for part in range(task.passes):
-            total += np.array(mi.render(scene, seed=next(seeds), spp=task.spp), dtype=np.float64)
-            print(PROGRESS, (batch * task.passes + part + 1) / len(task.seeds), flush=True)
-        delta = total / task.passes - mean
-        mean += delta / (batch + 1)
-        m2 += delta * (total / task.passes - mean)
-    return mean, m2
+def _render(mi: Any, scene: Any, task: Task, folder: Path) -> None:
+    for number, seed in enumerate(task.seeds):
+        image = np.array(mi.render(scene, seed=seed, spp=task.spp), dtype=np.float32)
+        np.save(batch_file(folder, number), image)
+        print(BATCH, number, flush=True)
 
 
 def _lift(mi: Any, scene: Any, task: MitsubaScene) -> float:
@@ -107,14 +108,14 @@ def _lift(mi: Any, scene: Any, task: MitsubaScene) -> float:
     return float(np.max(lift[depth > 0] / pixel[depth > 0], initial=0.0))
 
 
-def _build(mi: Any, scene: MitsubaScene) -> mi.Scene:
+def _build(mi: Any, task: Task) -> mi.Scene:
     """One emitter and one BSDF sample a camera ray, weighted by MIS: pbrt's `path` at maxdepth 1. Lights are seen directly."""
     spec: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 1, "hide_emitters": False},
-        "sensor": _sensor(mi, scene),
+        "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 1, "hide_emitters": task.hide_lights},
+        "sensor": _sensor(mi, task.scene),
     }
-    return mi.load_dict(spec | {f"shape{i}": _shape(mi, shape) for i, shape in enumerate(scene.shapes)})
+    return mi.load_dict(spec | {f"object{i:06}": _value(mi, item) for i, item in enumerate(task.scene.objects)})
 
 
 def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
@@ -126,7 +127,7 @@ def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
         "component_format": "float32",
         "rfilter": {"type": "box"},
     }
-    return {
+    camera = {
         "type": "perspective",
         "to_world": mi.ScalarTransform4f(scene.camera_to_world),
         "fov": scene.fov,
@@ -136,39 +137,47 @@ def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
         "film": film,
         "sampler": {"type": "independent"},
     }
+    if scene.filter is None:
+        return camera
+    return {"type": "penumbra_filtered", "camera": camera, "film": dict(film), "sampler": {"type": "independent"}}
 
 
-def _shape(mi: Any, shape: MitsubaShape) -> Any:
-    # `diffuse` is black from behind and pbrt's is not.
-    parts: dict[str, Any] = {
-        "bsdf": {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(shape.reflectance)}}
-    }
-    if shape.radiance is not None:
-        parts["emitter"] = {"type": "area", "radiance": _rgb(shape.radiance)}
-    if shape.kind == "mesh":
-        return _mesh(mi, shape, parts)
-    spec = {"type": shape.kind, "to_world": mi.ScalarTransform4f(shape.to_world)} | parts
-    return spec | {"flip_normals": shape.flip} if shape.kind == "sphere" else spec
+def _value(mi: Any, value: Any) -> Any:
+    """What `Plugin` says of its values, for mi.load_dict."""
+    if isinstance(value, Plugin):
+        if value.kind == "mesh":
+            return _mesh(mi, value)
+        return {"type": value.kind} | {name: _value(mi, part) for name, part in value.values.items()}
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.ndim == 1:
+        return {"type": "rgb", "value": [float(x) for x in value]}
+    if value.ndim == 2:
+        return mi.ScalarTransform4f(value) if len(value) == 4 else mi.ScalarTransform3f(value)
+    return mi.Bitmap(np.ascontiguousarray(value, dtype=np.float32))
 
 
-def _mesh(mi: Any, shape: MitsubaShape, parts: dict[str, Any]) -> Any:
+def _mesh(mi: Any, mesh: Plugin) -> Any:
     """Flat normals: mesh emitters with vertex normals disagree with themselves."""
-    assert shape.vertices is not None and shape.faces is not None
+    values = dict(mesh.values)
+    vertices, faces, uv = values.pop("vertices"), values.pop("faces"), values.pop("uv", None)
     properties = mi.Properties("mesh")
     properties["face_normals"] = True
-    for name, part in parts.items():
-        properties[name] = mi.load_dict(part)
-    mesh = mi.Mesh("mesh", len(shape.vertices), len(shape.faces), properties)
-    buffers = mi.traverse(mesh)
-    buffers["vertex_positions"] = shape.vertices.astype(np.float32).ravel()
-    buffers["faces"] = shape.faces.astype(np.uint32).ravel()
+    for name, part in values.items():
+        properties[name] = mi.load_dict(_value(mi, part))
+    made = mi.Mesh("mesh", len(vertices), len(faces), properties, has_vertex_texcoords=uv is not None)
+    buffers = mi.traverse(made)
+    buffers["vertex_positions"] = vertices.astype(np.float32).ravel()
+    buffers["faces"] = faces.astype(np.uint32).ravel()
+    if uv is not None:
+        buffers["vertex_texcoords"] = uv.astype(np.float32).ravel()
     buffers.update()
-    return mesh
-
-
-def _rgb(value: Array) -> dict[str, Any]:
-    return {"type": "rgb", "value": [float(x) for x in value]}
+    return made
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    from pipeline.references import (
+        mitsuba_worker,
+    )  # by its name: what is unpickled is of its classes, not of __main__'s
+
+    mitsuba_worker.main(Path(sys.argv[1]))

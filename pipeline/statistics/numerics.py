@@ -1,5 +1,5 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""What is used of SciPy here, with types: quantiles and tails of distributions, a root, a box filter."""
+"""What is used of SciPy here, with types: quantiles and tails of distributions, a root, box filters."""
 
 from __future__ import annotations
 
@@ -48,3 +48,17 @@ def box_mean(image: Array, size: int) -> Array:
     """Mean over size x size pixels around each, channel by channel; the border repeats. image: (h, w, 3), all finite."""
     window: Any = (size, size, 1)
     return np.asarray(ndimage.uniform_filter(image, size=window, mode="nearest"), dtype=np.float64)
+
+
+def box_maximum(image: Array, size: int) -> Array:
+    """Greatest value over size x size pixels around each; the border repeats. image: (h, w), all finite."""
+    return np.asarray(ndimage.maximum_filter(image, size=size, mode="nearest"), dtype=np.float64)
+
+
+def bootstrap_ends(values: Array, confidence: float) -> tuple[float, float]:
+    """The ends of the bias-corrected and accelerated bootstrap interval of a mean; the same for the same values. values: (n,)."""
+    rng = np.random.default_rng(0)
+    found: Any = stats.bootstrap(
+        (values,), np.mean, confidence_level=confidence, n_resamples=2000, method="BCa", rng=rng
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)

@@ -4,7 +4,9 @@ Each side brings its mean, the variance of that mean and the degrees of freedom 
 estimated from few batches widens the test instead of raising alarms: a normal test on 8 batches rejects equal images of
 19,200 pixels every time, because the smallest of 57,600 estimated variances is far too small. The families of comparisons
 (pixels x channels, regions x channels, channels) are each held to level `alpha` by Sidak's correction, which is exact for
-independent comparisons and conservative for correlated normal ones [sidak1967].
+independent comparisons and conservative for correlated normal ones [sidak1967]; or, where many pixels may each be a little off, by
+Benjamini and Hochberg's [benjamini1995], whose test of the whole family is Simes's [simes1986]: nominal for independent
+comparisons, and for positively dependent ones at most that.
 
 Limits, and what is done about them. Means of rare events are not normal, and their estimated variance is least where the
 mean is low: a penumbra pixel with 64 samples and 1 % of shadow (or of light) often shows no event and no variance at all, and a plain
@@ -15,7 +17,8 @@ variance is held up by what is known of it besides: the other side's variance at
 null both sample the same visibility), and the mean over the 3 x 3 pixels around. That only ever lengthens the denominator: no alarm is added, and
 what it costs in power is in `smallest_detectable`, which is computed from the same denominators. The mean differences are untouched, so
 a bias is diluted nowhere. Without both sample counts, and against an exact image, nothing holds the variance up where no event was
-seen; the family of pixels is then left out, the regions remain.
+seen; the family of pixels is then left out, the regions remain. So it is where this side's samples vary far more than the other's (`ALIKE`): an estimator that meets
+a light once in a thousand samples has few events in every pixel, and the other side's variance says nothing of it.
 
 Pixels are taken to be independent, as with a box filter. The variance of quasi-random samples is not what the film's M2
 says: bring replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a heavy tail: see heavy_tail.py.
@@ -23,7 +26,9 @@ says: bring replicate scrambles, 16 or more, through `batch_moments`. No test he
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +37,12 @@ from pipeline.statistics.numerics import box_mean, student_survival
 from pipeline.statistics.power import smallest_detectable
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Correction = Literal["sidak", "bh"]
 
+ALIKE = (
+    4.0  # times the variance of the other side's samples, summed over the image, beyond which it holds up no pixel's
+)
 # Relative. A reference's batch is a running float32 sum: 256 equal samples may each lose half a unit in the last place.
 ROUNDING = 256 * 2.0**-24
 
@@ -61,9 +71,10 @@ class Moments:
 class TestResult:
     """One family of comparisons.
 
-    p: Sidak-corrected p-value of the whole family; `reject` is p < alpha. effect: relative difference (a - b) / b of the comparison with
+    p: corrected p-value of the whole family; `reject` is p < alpha. effect: relative difference (a - b) / b of the comparison with
     the smallest p. smallest_detectable: the smallest uniform relative bias of the whole image that this family would have
-    rejected with a probability of 95 %. p_map: (h, w) or region grid, smallest p over channels, uncorrected.
+    rejected with a probability of 95 %, by its single comparisons (under either correction it rejects then at the least).
+    p_map: (h, w) or region grid, smallest p over channels, uncorrected.
     """
 
     __test__ = False  # not a test case, whatever its name
@@ -90,20 +101,42 @@ def batch_moments(batches: Array, samples: float | int | None = None) -> Moments
     return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
 
 
-def compare_images(a: Moments, b: Moments, regions: tuple[int, int] = (4, 4), alpha: float = 0.05) -> list[TestResult]:
-    """Test image `a` against reference `b`: the families "image", "regions" and, with both sample counts, "pixels".
+def compare_images(
+    a: Moments,
+    b: Moments,
+    regions: tuple[int, int] = (4, 4),
+    alpha: float = 0.05,
+    parts: Mapping[str, Mask] | None = None,
+    correction: Correction = "sidak",
+) -> list[TestResult]:
+    """Test image `a` against reference `b`: "image", "regions" (a grid), a family for each of `parts`, and "pixels".
 
-    Each is held to level alpha. regions: rows and columns of the grid, no more than pixels. A pixel that is not finite
-    rejects. Differences up to 1.5e-5 of the value are float32 rounding and count as none; beyond that, a difference where
-    neither side has any variance rejects. Sources: [welch1947], [sidak1967].
+    Each family is held to level alpha. regions: rows and columns of the grid, no more than pixels. parts: names of
+    further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the others take Sidak's. The pixels need both sample
+    counts, and samples that vary alike. A pixel that is not finite rejects. Differences up to 1.5e-5 of the value are float32
+    rounding and count as none; beyond that, a difference where neither side has any variance rejects. Sources: [welch1947], [sidak1967].
     """
     if a.mean.shape != b.mean.shape:
         raise ValueError(f"images of different shapes: {a.mean.shape} and {b.mean.shape}")
-    image = _compare("image", _reduced(a, (1, 1)), _reduced(b, (1, 1)), alpha)
-    parts = _compare("regions", _reduced(a, regions), _reduced(b, regions), alpha)
+    out = [_compare("image", _reduced(a, (1, 1)), _reduced(b, (1, 1)), alpha)]
+    out.append(_compare("regions", _reduced(a, regions), _reduced(b, regions), alpha))
+    for name, mask in (parts or {}).items():
+        out.append(_compare(name, _masked(a, mask), _masked(b, mask), alpha))
+    if vary_alike(a, b):
+        out.append(_compare("pixels", _steadied(a), _steadied(b), alpha, correction))
+    return out
+
+
+def vary_alike(a: Moments, b: Moments) -> bool:
+    """Whether the variance of b's samples can hold up that of a's pixels: both counts are known, and a's samples vary at most ALIKE as much."""
     if a.samples is None or b.samples is None:
-        return [image, parts]
-    return [image, parts, _compare("pixels", _steadied(a), _steadied(b), alpha)]
+        return False
+    return _spread(a) * a.samples <= ALIKE * _spread(b) * b.samples
+
+
+def _spread(side: Moments) -> float:
+    """The sum of all finite variances."""
+    return float(np.sum(side.variance, where=np.isfinite(side.variance)))
 
 
 def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
@@ -133,13 +166,20 @@ def sidak_level(alpha: float, comparisons: int) -> float:
     return float(-np.expm1(np.log1p(-alpha) / comparisons))
 
 
-def _compare(name: str, a: Moments, b: Moments, alpha: float) -> TestResult:
+def simes(p: Array) -> float:
+    """The family's p-value by Simes: the least of m p_(i) / i, below the level if Benjamini and Hochberg reject anything. [simes1986]"""
+    ranked = np.sort(p, axis=None)
+    return float(min(1.0, np.min(ranked * ranked.size / np.arange(1, ranked.size + 1))))
+
+
+def _compare(name: str, a: Moments, b: Moments, alpha: float, correction: Correction = "sidak") -> TestResult:
     """One family: every element of the arrays is a comparison; the last axis is the channel."""
     held_a, held_b = _held_up(a, b), _held_up(b, a)
     p, error, dof = welch(held_a, held_b)
     worst = int(np.argmin(p))
-    family = sidak(float(p.flat[worst]), p.size)
-    caught = max(smallest_detectable(b.mean, error, dof, sidak_level(alpha, p.size)), ROUNDING)
+    family = sidak(float(p.flat[worst]), p.size) if correction == "sidak" else simes(p)
+    level = sidak_level(alpha, p.size) if correction == "sidak" else alpha / p.size
+    caught = max(smallest_detectable(b.mean, error, dof, level), ROUNDING)
     effect = _relative(float(a.mean.flat[worst]), float(b.mean.flat[worst]))
     return TestResult(name, p.size, family, effect, caught, family < alpha, np.min(p, axis=-1))
 
@@ -180,6 +220,12 @@ def _reduced(side: Moments, grid: tuple[int, int]) -> Moments:
     pixels = _summed(np.ones_like(side.mean), grid)
     least = float(np.min(np.where(np.isfinite(dof), dof, np.inf)))
     return Moments(_summed(side.mean, grid) / pixels, variance / pixels**2, least, side.samples)
+
+
+def _masked(side: Moments, mask: Mask) -> Moments:
+    """The mean over the pixels of a mask (h, w), as (1, 1, 3)."""
+    inside = replace(side, mean=side.mean[mask][None], variance=side.variance[mask][None])
+    return _reduced(inside, (1, 1))
 
 
 def _summed(image: Array, grid: tuple[int, int]) -> Array:

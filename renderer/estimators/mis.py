@@ -2,6 +2,7 @@
 
 Veach's multi-sample estimator with one sample of each technique [veach1995]: wherever one technique's pdf is
 small, the other's carries the sample, so that neither a near light nor a smooth surface makes a weight large.
+`mis-compensated` leaves the darker parts of an environment to the BRDF, which finds them anyway [karlik2019].
 """
 
 from __future__ import annotations
@@ -12,79 +13,86 @@ import numpy as np
 
 from renderer.arrays import Floats, dot
 from renderer.build import RenderScene
-from renderer.estimators.direction_sampling import brdf
-from renderer.estimators.protocol import ESTIMATORS, Reflected
-from renderer.estimators.shading import (
-    Seen,
-    best_technique,
+from renderer.estimators.lighting import (
+    chance,
     choose_light,
-    hidden,
     light_along,
     light_pdf,
     sample_light,
-    scatter,
+    samplers,
 )
+from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Reflected
+from renderer.estimators.scattering import material_pdf, sample_material, scatter
+from renderer.estimators.visibility import Seen, visible
+from renderer.lights.protocol import DirectionSampler
 from renderer.plan import RenderPlan
 from renderer.records import SurfaceHit
-from scenes.description import SceneDescription
+from scenes.description import Environment, SceneDescription
+
+# Lights are sampled by the first of these that they have: bounded weights before unbounded ones.
+BEST = ("environment", "solid-angle", "area")
 
 
 @dataclass(frozen=True)
 class MultipleImportance:
-    """One light sample and one BRDF sample. power: 1 for the balance heuristic, 2 for the power heuristic."""
+    """One light sample and one BRDF sample. power: 1 for the balance heuristic, 2 for the power heuristic. preferred: techniques."""
 
     name: str
     title: str
     power: int
+    preferred: tuple[str, ...] = BEST
+    quantity: str = RADIANCE
+    bias: str | None = None
+    ratio: bool = False
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """None: lights without a solid-angle technique are sampled by area, and the BRDF takes what area does badly."""
-        return None
+        """Compensation without an image to compensate; else None: the BRDF takes what light sampling does badly."""
+        if self.preferred == BEST or any(isinstance(light, Environment) for light in scene.lights):
+            return None
+        return "it has no environment to compensate"
 
     def dimensions(self, scene: RenderScene) -> int:
         """Two for each direction, one more to choose among lights."""
-        return 4 if scene.light_shape.size == 1 else 5
+        return 4 if len(scene.lights) == 1 else 5
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
         """See `Estimator`."""
         if hit.p.shape[1] == 0:
             return Reflected(np.zeros((3, 0)), 0)
-        by_light = self._light(scene, plan, hit, u[2:])
-        by_brdf = self._brdf(scene, plan, hit, u[:2])
-        return Reflected(by_light.radiance + by_brdf.radiance, by_light.shadow_rays + by_brdf.shadow_rays)
+        techniques = samplers(scene, *self.preferred)
+        by_light = self._light(scene, plan, hit, u[2:], techniques)
+        if scene.lights.delta.all():
+            return by_light
+        return by_light + self._brdf(scene, plan, hit, u[:2], techniques)
 
-    def _light(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        lights = scene.light_shape.size
+    def _light(
+        self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, techniques: list[DirectionSampler]
+    ) -> Reflected:
         light, u = choose_light(scene, u)
-        sample = sample_light(scene, [best_technique(kind) for kind in scene.lights], hit, light, u)
+        sample = sample_light(scene, techniques, hit, light, u)
         cosine = dot(sample.wi, hit.n)
-        useful = sample.valid & (cosine > 0)
         other = material_pdf(scene, hit, sample.wi)
+        if scene.lights.delta.any():
+            other = np.where(scene.lights.delta.take(light), 0.0, other)  # the BRDF's samples never meet it
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            own = sample.pdf / lights
+            own = sample.pdf * chance(scene, light)
             weight = self._weight(own, other) * cosine / own
-            radiance = np.where(useful, scatter(scene, hit, sample.wi) * (sample.radiance * weight), 0.0)
-        rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), light])
-        if rows.size:
-            seen = Seen(light, sample.wi, sample.dist, sample.normal)
-            radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
-        return Reflected(radiance, rows.size)
+            radiance = scatter(scene, hit, sample.wi) * (sample.radiance * weight)
+        seen = Seen(light, sample.wi, sample.dist, sample.normal)
+        return visible(scene, plan, hit, seen, sample.valid & (cosine > 0), radiance)
 
-    def _brdf(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        wi, own = brdf(scene, hit, u)
+    def _brdf(
+        self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, techniques: list[DirectionSampler]
+    ) -> Reflected:
+        wi, own = sample_material(scene, hit, u)
         seen, le = light_along(scene, hit, wi)
-        light = seen.light
         cosine = dot(wi, hit.n)
-        useful = (light >= 0) & (cosine > 0) & (own > 0) & le.any(axis=0)
-        samplers = [best_technique(kind) for kind in scene.lights]
-        other = light_pdf(scene, samplers, hit, np.where(useful, light, -1), wi) / scene.light_shape.size
+        useful = (seen.light >= 0) & (cosine > 0) & (own > 0) & le.any(axis=0)
+        other = light_pdf(scene, techniques, hit, np.where(useful, seen.light, -1), wi)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             weight = self._weight(own, other) * cosine / own
-            radiance = np.where(useful, scatter(scene, hit, wi) * (le * weight), 0.0)
-        rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), np.maximum(light, 0)])
-        if rows.size:
-            radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
-        return Reflected(radiance, rows.size)
+            radiance = scatter(scene, hit, wi) * (le * weight)
+        return visible(scene, plan, hit, seen, useful, radiance)
 
     def _weight(self, own: Floats, other: Floats) -> Floats:
         """own^b / (own^b + other^b), by the ratio, so that neither power overflows."""
@@ -92,14 +100,10 @@ class MultipleImportance:
         return 1.0 / (1.0 + (ratio if self.power == 1 else ratio * ratio))
 
 
-def material_pdf(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
-    """Density (n,) in 1/sr with which BRDF sampling goes along wi (3, n)."""
-    out = np.zeros(wi.shape[1])
-    for kind, rows in scene.rows_of_materials(hit.shape):
-        part = (v.take(rows, axis=1) for v in (hit.n, hit.wo, wi))
-        out[rows] = kind.pdf(hit.shape[rows], *part)
-    return out
-
-
 ESTIMATORS.add("mis", MultipleImportance("mis", "light and BRDF samples, power heuristic", 2))
 ESTIMATORS.add("mis-balance", MultipleImportance("mis-balance", "light and BRDF samples, balance heuristic", 1))
+COMPENSATED = "light and BRDF samples, the environment's brighter part"
+# The balance heuristic is what compensation was derived for.
+ESTIMATORS.add(
+    "mis-compensated", MultipleImportance("mis-compensated", COMPENSATED, 1, ("environment-compensated", *BEST))
+)

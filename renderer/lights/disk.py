@@ -1,15 +1,34 @@
-"""Disk lights: `area`. Sampling a disk's solid angle is a matter of its own [guillen2017] and still to come."""
+"""Disk lights: `area`, and `solid-angle` by the spherical ellipse that they are seen as [guillen2017].
+
+The mathematics is `renderer.spherical.disk` and `disk_irradiance`. Their frame has its first axis from the point towards the
+disk's axis, the second across it in the disk's plane, the third from the point to that plane.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, dot, frame_about, gather
-from renderer.lights.protocol import LIGHTS, AreaSampling, DirectionSampler, Emitters, Index, LightExample, receivers
+from renderer.arrays import Floats, combine, dot, frame_about, gather, normalize
+from renderer.lights.protocol import (
+    LIGHTS,
+    AreaSampling,
+    DirectionSampler,
+    Emitters,
+    Index,
+    LightExample,
+    Source,
+    emits_as,
+    geometries,
+    receivers,
+)
+from renderer.records import LightSample
+from renderer.spherical.disk import DiskView, disk_view, sample, solid_angle
+from renderer.spherical.disk_irradiance import disk_irradiance
 from renderer.warp import concentric_disk
 from scenes.description import Diffuse, Disk, Emission, ShapeDescription
 
@@ -17,6 +36,8 @@ from scenes.description import Diffuse, Disk, Emission, ShapeDescription
 @dataclass(frozen=True, eq=False)
 class DiskLights:
     """center, x, y, normal: (3, k), x and y spanning the disk; radius: (k,)."""
+
+    delta: ClassVar[bool] = False
 
     emitters: Emitters
     center: Floats
@@ -26,9 +47,14 @@ class DiskLights:
     radius: Floats
 
     @property
-    def shape(self) -> NDArray[np.int64]:
-        """(k,) indices of the scene's shapes."""
-        return self.emitters.shape
+    def source(self) -> NDArray[np.int64]:
+        """See `LightKind`."""
+        return self.emitters.source
+
+    @property
+    def share(self) -> Floats:
+        """See `LightKind`."""
+        return np.ones(self.source.size)
 
     @property
     def area(self) -> Floats:
@@ -37,30 +63,30 @@ class DiskLights:
 
     @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`area` only, so far."""
-        return {"area": AreaSampling(self)}
+        """`area` and `solid-angle`."""
+        return {"area": AreaSampling(self), "solid-angle": DiskSolidAngle(self)}
 
     @staticmethod
     def missing(technique: str) -> str | None:
         """See `LightKind`."""
-        if technique == "solid-angle":
-            return "the solid-angle method of disks is still to come; `area` samples them"
-        return None if technique == "area" else f"disks have no {technique} sampling"
+        if technique == "projected-solid-angle":
+            return "only polygons are sampled so, and a disk is none"
+        return None if technique in ("area", "solid-angle") else f"disks have no {technique} sampling"
 
     @classmethod
-    def accepts(cls, shape: ShapeDescription) -> bool:
+    def accepts(cls, source: Source) -> bool:
         """Every emitting disk."""
-        return shape.emission is not None and isinstance(shape.geometry, Disk)
+        return emits_as(source, Disk)
 
     @classmethod
-    def make(cls, shapes: Sequence[ShapeDescription], index: Sequence[int]) -> DiskLights:
+    def make(cls, sources: Sequence[Source], index: Sequence[int]) -> DiskLights:
         """See `LightKind`."""
-        disks = [s.geometry for s in shapes if isinstance(s.geometry, Disk)]
+        disks = geometries(sources, Disk)
         normal = np.stack([d.normal for d in disks], axis=1)
         x, y, _ = frame_about(normal)
         center = np.stack([d.center for d in disks], axis=1)
         radius = np.array([d.radius for d in disks], dtype=np.float64)
-        return cls(Emitters.of(shapes, index), center, x, y, normal, radius)
+        return cls(Emitters.of(sources, index), center, x, y, normal, radius)
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
         """See `Surface`."""
@@ -68,6 +94,26 @@ class DiskLights:
         p = gather(self.center, index) + gather(self.x, index) * a
         p += gather(self.y, index) * b
         return p, gather(self.normal, index)
+
+    def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
+        """See `LightKind`."""
+        view, frame = self.view(index, ref_p)
+        x, y = dot(ref_n, gather(self.x, index)), dot(ref_n, gather(self.y, index))
+        along, across = frame.cosine * x + frame.sine * y, frame.cosine * y - frame.sine * x
+        e = disk_irradiance(view, along, across, -frame.side * dot(ref_n, gather(self.normal, index)))
+        return gather(self.emitters.radiance, index) * np.where(self.emitters.emits(index, frame.side), e, 0.0)
+
+    def view(self, index: Index, p: Floats) -> tuple[DiskView, _Frame]:
+        """How points p (3, n) see their disks, and the frames in which they do."""
+        d = gather(self.center, index) - p
+        x, y = dot(d, gather(self.x, index)), dot(d, gather(self.y, index))
+        height = -dot(d, gather(self.normal, index))
+        offset = np.sqrt(x * x + y * y)
+        # On the axis every direction is as good as another.
+        away = offset > 0
+        scale = np.where(away, offset, 1.0)
+        frame = _Frame(np.where(away, x, 1.0) / scale, y / scale, np.sign(height), np.abs(height))
+        return disk_view(frame.height, offset, gather(self.radius, index)), frame
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
         """See `Surface`."""
@@ -90,7 +136,58 @@ class DiskLights:
         """See `LightKind`."""
         disk = Disk(np.array([0.0, 2.0, 0.0]), np.array([0.0, -1.0, 0.0]), 0.7)
         shape = ShapeDescription(disk, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0])))
-        return [LightExample("a disk facing down", shape, *receivers(disk.center, 0.7))]
+        # Below the centre, inside and outside the rim, on the axis, and in the plane but for a hundredth
+        away = np.array(
+            [[0.0, -0.03, 0.0], [0.95, -0.03, 0.1], [1.05, -0.03, 0.0], [0.0, -1.5, 0.0], [0.0, -0.02, 2.5]]
+        ).T
+        n = normalize(
+            np.array([[0.1, 1.0, 0.0], [0.5, 0.8, 0.0], [-1.0, 0.1, 0.0], [1.0, 0.1, 0.2], [0.3, 0.1, -1.0]]).T
+        )
+        return [
+            LightExample("a disk facing down", shape, *receivers(disk.center, 0.7)),
+            LightExample("a disk near its surface and its rim", shape, disk.center[:, None] + 0.7 * away, n),
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """cosine, sine: (n,) of the direction towards the axis, in the disk's x and y. side: (n,), the sign of the height over the
+    emitting side. height: (n,), >= 0."""
+
+    cosine: Floats
+    sine: Floats
+    side: Floats
+    height: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class DiskSolidAngle:
+    """Uniform in the solid angle of the disk: weights stay bounded however close it comes [guillen2017]."""
+
+    lights: DiskLights
+
+    def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
+        """See `DirectionSampler`."""
+        li = self.lights
+        view, frame = li.view(index, ref_p)
+        omega = solid_angle(view)
+        along, across, down = sample(view, omega, u)
+        normal = gather(li.normal, index)
+        x, y = frame.cosine * along - frame.sine * across, frame.sine * along + frame.cosine * across
+        wi = combine((gather(li.x, index), gather(li.y, index), normal), x, y, -frame.side * down)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            dist = frame.height / down
+            pdf = 1.0 / omega
+        valid = (omega > 0) & (pdf < np.inf) & (dist > 0) & (dist < np.inf)
+        return LightSample(
+            wi, dist, normal, gather(li.emitters.radiance, index), pdf, valid & li.emitters.emits(index, frame.side)
+        )
+
+    def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
+        """See `DirectionSampler`."""
+        omega = solid_angle(self.lights.view(index, ref_p)[0])
+        hit = (self.lights.meet(index, ref_p, wi)[0] < np.inf) & (omega > 0)
+        return np.where(hit, 1.0 / np.where(hit, omega, 1.0), 0.0)
 
 
 LIGHTS.add("disk", DiskLights)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats, dot, gather, normalize
 from renderer.records import LightSample
-from scenes.description import ShapeDescription
+from scenes.description import Geometry, Light, ShapeDescription
 from scenes.registry import Registry
 
 Index = NDArray[np.integer]
+# What may be a light: a shape that emits, or a light that is no shape.
+Source = ShapeDescription | Light
+G = TypeVar("G", bound=Geometry)
 
 
 @runtime_checkable
@@ -35,7 +38,7 @@ class LightExample:
     """A light alone and points to see it from, for the contract tests. ref_p, ref_n: (3, n)."""
 
     name: str
-    shape: ShapeDescription
+    source: Source
     ref_p: Floats
     ref_n: Floats
 
@@ -49,11 +52,18 @@ def receivers(center: Floats, size: float) -> tuple[Floats, Floats]:
 
 @runtime_checkable
 class LightKind(Protocol):
-    """All lights of one kind. `shape` (k,) is each light's index into the scene's shapes."""
+    """All lights of one kind. `delta`: light comes from one direction only at every point, and is never met by chance."""
+
+    delta: ClassVar[bool]
 
     @property
-    def shape(self) -> NDArray[np.int64]:
-        """(k,) which shape of the scene each light is."""
+    def source(self) -> NDArray[np.int64]:
+        """(k,) which of the scene's sources each light is, or is part of."""
+        ...
+
+    @property
+    def share(self) -> Floats:
+        """(k,) the chance of each light among those of its source; they sum to 1 over a source."""
         ...
 
     @property
@@ -67,13 +77,17 @@ class LightKind(Protocol):
         ...
 
     @classmethod
-    def accepts(cls, shape: ShapeDescription) -> bool:
-        """Whether an emitting shape is of this kind."""
+    def accepts(cls, source: Source) -> bool:
+        """Whether a light, or a shape that emits, is of this kind."""
         ...
 
     @classmethod
-    def make(cls, shapes: Sequence[ShapeDescription], index: Sequence[int]) -> LightKind:
-        """From the emitting shapes of this kind and their indices in the scene; SceneError where one cannot be."""
+    def make(cls, sources: Sequence[Source], index: Sequence[int]) -> LightKind:
+        """From the sources of this kind and their indices among the scene's; SceneError where one cannot be."""
+        ...
+
+    def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
+        """Irradiance (3, n) in W/m^2 of surfaces at ref_p facing ref_n, nothing being in between; None without a closed form."""
         ...
 
     @classmethod
@@ -82,17 +96,36 @@ class LightKind(Protocol):
         ...
 
 
+def emits_as(source: Source, geometry: type | tuple[type, ...]) -> bool:
+    """Whether a source is a shape of some geometry that emits."""
+    return (
+        isinstance(source, ShapeDescription) and source.emission is not None and isinstance(source.geometry, geometry)
+    )
+
+
+def geometries(sources: Sequence[Source], kind: type[G]) -> list[G]:
+    """The geometries of those sources that are shapes of one kind of geometry."""
+    shapes = [s.geometry for s in sources if isinstance(s, ShapeDescription)]
+    return [g for g in shapes if isinstance(g, kind)]
+
+
+def shares(source: NDArray[np.int64], weight: Floats) -> Floats:
+    """(k,) each light's part of the weight of its source. source, weight: (k,)."""
+    _, own = np.unique(source, return_inverse=True)
+    return weight / np.bincount(own, weight)[own]
+
+
 LIGHTS: Registry[type[LightKind]] = Registry("light", "renderer.lights")
 
 
 @dataclass(frozen=True, eq=False)
 class Emitters:
-    """What every area light has: which shape it is, its radiance, and on which sides it emits.
+    """What every area light has: which source it is, its radiance, and on which sides it emits.
 
-    shape: (k,). radiance: (3, k). two_sided: (k,) bool.
+    source: (k,). radiance: (3, k). two_sided: (k,) bool.
     """
 
-    shape: NDArray[np.int64]
+    source: NDArray[np.int64]
     radiance: Floats
     two_sided: NDArray[np.bool_]
 
@@ -105,12 +138,13 @@ class Emitters:
     def repeat(self, each: Sequence[int]) -> Emitters:
         """Each emitter as many times as `each` says: the parts of one shape."""
         return Emitters(
-            self.shape.repeat(each, axis=0), self.radiance.repeat(each, axis=1), self.two_sided.repeat(each, axis=0)
+            self.source.repeat(each, axis=0), self.radiance.repeat(each, axis=1), self.two_sided.repeat(each, axis=0)
         )
 
     @staticmethod
-    def of(shapes: Sequence[ShapeDescription], index: Sequence[int]) -> Emitters:
+    def of(sources: Sequence[Source], index: Sequence[int]) -> Emitters:
         """The emitters of a sequence of emitting shapes."""
+        shapes = [s for s in sources if isinstance(s, ShapeDescription)]
         emissions = [s.emission for s in shapes if s.emission is not None]
         return Emitters(
             np.array(index, dtype=np.int64),

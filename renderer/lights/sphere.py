@@ -1,20 +1,34 @@
 """Spherical lights: `area`, and `solid-angle` by the cone that they subtend, or all directions from inside.
 
 1 - cos(theta) is carried instead of cos(theta): the cone of a light of 1e-6 rad then keeps all its digits, with no
-branch [pharr2023, sec. 6.2.4 switches to a Taylor series instead].
+branch [pharr2023, sec. 6.2.4 switches to a Taylor series instead]. Squares of distances to the surface are taken as products,
+(d - r)(d + r), so that a point 1e-12 outside is as good as any. A point on the surface, as far as float64 can tell, counts as inside.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats, combine, dot, frame_about, gather
-from renderer.lights.protocol import LIGHTS, AreaSampling, DirectionSampler, Emitters, Index, LightExample, receivers
+from renderer.lights.protocol import (
+    LIGHTS,
+    AreaSampling,
+    DirectionSampler,
+    Emitters,
+    Index,
+    LightExample,
+    Source,
+    emits_as,
+    geometries,
+    receivers,
+)
 from renderer.records import LightSample
+from renderer.spherical.disk_irradiance import sphere_irradiance
 from renderer.warp import uniform_sphere
 from scenes.description import Diffuse, Emission, ShapeDescription, Sphere
 
@@ -23,15 +37,22 @@ from scenes.description import Diffuse, Emission, ShapeDescription, Sphere
 class SphereLights:
     """center: (3, k). radius: (k,). side: (k,), 1 where the outside emits, -1 where the inside does."""
 
+    delta: ClassVar[bool] = False
+
     emitters: Emitters
     center: Floats
     radius: Floats
     side: Floats
 
     @property
-    def shape(self) -> NDArray[np.int64]:
-        """(k,) indices of the scene's shapes."""
-        return self.emitters.shape
+    def source(self) -> NDArray[np.int64]:
+        """See `LightKind`."""
+        return self.emitters.source
+
+    @property
+    def share(self) -> Floats:
+        """See `LightKind`."""
+        return np.ones(self.source.size)
 
     @property
     def area(self) -> Floats:
@@ -46,64 +67,74 @@ class SphereLights:
     @staticmethod
     def missing(technique: str) -> str | None:
         """See `LightKind`."""
+        if technique == "projected-solid-angle":
+            return "only polygons are sampled so, and a sphere is none"
         return None if technique in ("area", "solid-angle") else f"spheres have no {technique} sampling"
 
     @classmethod
-    def accepts(cls, shape: ShapeDescription) -> bool:
+    def accepts(cls, source: Source) -> bool:
         """Every emitting sphere."""
-        return shape.emission is not None and isinstance(shape.geometry, Sphere)
+        return emits_as(source, Sphere)
 
     @classmethod
-    def make(cls, shapes: Sequence[ShapeDescription], index: Sequence[int]) -> SphereLights:
+    def make(cls, sources: Sequence[Source], index: Sequence[int]) -> SphereLights:
         """See `LightKind`."""
-        spheres = [s.geometry for s in shapes if isinstance(s.geometry, Sphere)]
+        spheres = geometries(sources, Sphere)
         center = np.stack([s.center for s in spheres], axis=1)
         radius = np.array([s.radius for s in spheres], dtype=np.float64)
         side = np.array([-1.0 if s.reverse else 1.0 for s in spheres])
-        return cls(Emitters.of(shapes, index), center, radius, side)
+        return cls(Emitters.of(sources, index), center, radius, side)
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
         """See `Surface`."""
         n = uniform_sphere(u)
         return gather(self.center, index) + n * gather(self.radius, index), n * gather(self.side, index)
 
+    def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
+        """See `LightKind`. The inside of a sphere that emits there is an integrating sphere: pi L everywhere."""
+        cone = self.cone(index, ref_p)
+        e = sphere_irradiance(cone.sine, cone.cosine, np.clip(dot(ref_n, cone.axis), -1.0, 1.0))
+        e = np.where(cone.outside, e, np.pi)
+        emits = self.emitters.emits(index, cone.sign * gather(self.side, index))
+        return gather(self.emitters.radiance, index) * np.where(emits, e, 0.0)
+
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
         """See `Surface`. From outside, the near half hides the far half: only the outer side is ever seen."""
         d = gather(self.center, index) - ref_p
-        outside = dot(d, d) > gather(self.radius, index) ** 2
+        outside = np.sqrt(dot(d, d)) > gather(self.radius, index)
         return self.emitters.emits(index, cos_light) & (outside == (cos_light * gather(self.side, index) > 0))
 
     def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """See `Surface`. The first point met; from inside, the wall."""
         d = gather(self.center, index) - origin
         r = gather(self.radius, index)
+        far = np.sqrt(dot(d, d))
+        outside = far > r
         along = dot(d, wi)
         off = d - wi * along
         half = r * r - dot(off, off)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt(half)
-        outside = dot(d, d) > r * r
-        dist = np.where(outside, along - root, along + root)
+            # The two roots have the product (far - r)(far + r): taking the smaller from it spares a difference.
+            power = (far - r) * (far + r)
+            dist = np.where(outside, power / (along + root), _inner(along, root, power))
         cos_light = np.where(outside, root, -root) / r * gather(self.side, index)
         hit = (half >= 0) & (dist > 0) & self.emitters.emits(index, cos_light)
         return np.where(hit, dist, np.inf), cos_light
 
-    def cone(self, index: Index, p: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], Floats]:
-        """Direction (3, n) and distance (n,) of the centre, `outside` (n,) bool, and 1 - cos of the cone's angle (n,).
-
-        From inside, the cone is the whole sphere: 1 - cos = 2.
-        """
+    def cone(self, index: Index, p: Floats) -> Cone:
+        """The cones in which points p (3, n) see their spheres."""
         d = gather(self.center, index) - p
         r = gather(self.radius, index)
         dist = np.sqrt(dot(d, d))
         outside = dist > r
+        power = (dist - r) * (dist + r)
         with np.errstate(divide="ignore", invalid="ignore"):
-            sine = r / dist
-            # (dist - r)(dist + r), not dist^2 - r^2: exact near contact
-            cosine = np.sqrt(np.maximum((dist - r) * (dist + r), 0.0)) / dist
+            sine = np.where(outside, r / dist, 0.0)
+            cosine = np.where(outside, np.sqrt(np.maximum(power, 0.0)) / dist, -1.0)
             opening = np.where(outside, sine * sine / (1.0 + cosine), 2.0)
             axis = np.where(dist > 0, d / dist, np.array([[0.0], [0.0], [1.0]]))
-        return axis, dist, outside, opening
+        return Cone(axis, dist, power, outside, np.where(outside, 1.0, -1.0), sine, cosine, opening)
 
     @classmethod
     def examples(cls) -> list[LightExample]:
@@ -122,6 +153,24 @@ class SphereLights:
 
 
 @dataclass(frozen=True, eq=False)
+class Cone:
+    """How spheres are seen. axis: (3, n) unit, to the centre. The others are (n,).
+
+    dist: distance of the centre. power: dist^2 - radius^2. outside: bool; sign: 1 where it is true, else -1.
+    sine, cosine: of the half-angle. opening: 1 - cosine. From inside, the cone is the whole sphere of directions: cosine -1.
+    """
+
+    axis: Floats
+    dist: Floats
+    power: Floats
+    outside: NDArray[np.bool_]
+    sign: Floats
+    sine: Floats
+    cosine: Floats
+    opening: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class SphereSolidAngle:
     """Uniform in the cone of the sphere [shirley1996]; from inside, uniform over all directions."""
 
@@ -130,31 +179,38 @@ class SphereSolidAngle:
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
         """See `DirectionSampler`."""
         li = self.lights
-        axis, center_dist, outside, opening = li.cone(index, ref_p)
-        below = u[0] * opening  # 1 - cos(theta)
+        cone = li.cone(index, ref_p)
+        below = u[0] * cone.opening  # 1 - cos(theta)
         sin2 = below * (2.0 - below)
-        sine = np.sqrt(sin2)
+        sine, cosine = np.sqrt(sin2), 1.0 - below
         phi = (2 * np.pi) * u[1]
-        wi = combine(frame_about(axis), sine * np.cos(phi), sine * np.sin(phi), 1.0 - below)
+        right, up = np.cos(phi), np.sin(phi)
+        frame = frame_about(cone.axis)
+        # Half the chord: dist^2 (cos^2(theta) - cosine^2), or from inside dist^2 cos^2(theta) - power; no difference cancels.
+        rest = (1.0 - u[0]) * cone.opening * (cosine + cone.cosine)
+        along = cone.dist * cosine
+        outer: Floats = cone.dist * cone.dist * rest
+        chord2 = np.where(cone.outside, outer, along * along - cone.power)
+        root = np.sqrt(np.maximum(chord2, 0.0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            dist = np.where(cone.outside, cone.power / (along + root), _inner(along, root, cone.power))
         r = gather(li.radius, index)
-        root = np.sqrt(np.maximum(r * r - center_dist * center_dist * sin2, 0.0))
-        along = center_dist * (1.0 - below)
-        dist = along - _sign(outside) * root
-        emits = li.emitters.emits(index, _sign(outside) * gather(li.side, index))
-        pdf = 1.0 / (2 * np.pi * opening)
-        normal = (wi * dist - axis * center_dist) / r
+        across = dist * sine / r
+        normal = combine(frame, across * right, across * up, -(cone.dist * sin2 + cone.sign * root * cosine) / r)
+        wi = combine(frame, sine * right, sine * up, cosine)
+        emits = li.emitters.emits(index, cone.sign * gather(li.side, index))
+        pdf = 1.0 / (2 * np.pi * cone.opening)
         return LightSample(wi, dist, normal, gather(li.emitters.radiance, index), pdf, emits & (dist > 0))
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
         """See `DirectionSampler`."""
-        _, _, _, opening = self.lights.cone(index, ref_p)
         hit = self.lights.meet(index, ref_p, wi)[0] < np.inf
-        return np.where(hit, 1.0 / (2 * np.pi * opening), 0.0)
+        return np.where(hit, 1.0 / (2 * np.pi * self.lights.cone(index, ref_p).opening), 0.0)
 
 
-def _sign(outside: NDArray[np.bool_]) -> Floats:
-    """1 outside, -1 inside."""
-    return np.where(outside, 1.0, -1.0)
+def _inner(along: Floats, root: Floats, power: Floats) -> Floats:
+    """The distance (n,) to the wall from inside, along + root, without the cancellation where along < 0."""
+    return np.where(along < 0, -power / (root - along), along + root)
 
 
 LIGHTS.add("sphere", SphereLights)

@@ -9,16 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats, combine, dot, frame_about, gather
-from renderer.materials.protocol import MATERIALS
+from renderer.materials.protocol import MATERIALS, MaterialExample
+from renderer.records import SurfaceHit
+from renderer.textures import brightest, evaluate
 from renderer.warp import cosine_hemisphere
-from scenes.description import Diffuse, ShapeDescription
+from scenes.description import Diffuse, ShapeDescription, Sphere, Texture
 
 
 @dataclass(frozen=True, eq=False)
 class DiffuseMaterials:
-    """value: (3, s), reflectance / pi."""
+    """value: (3, s), reflectance / pi, of shapes whose reflectance is constant. textured: the others, by shape."""
 
     value: Floats
+    textured: tuple[tuple[int, Texture], ...] = ()
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -28,26 +31,48 @@ class DiffuseMaterials:
     @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> DiffuseMaterials:
         """See `MaterialKind`."""
-        black = np.zeros(3)
-        rows = [s.material.reflectance if cls.accepts(s) else black for s in shapes]
-        return cls(np.stack(rows, axis=1) / np.pi)
+        value = np.zeros((3, len(shapes)))
+        textured: list[tuple[int, Texture]] = []
+        for i, shape in enumerate(shapes):
+            if not isinstance(shape.material, Diffuse):
+                continue
+            if isinstance(shape.material.reflectance, np.ndarray):
+                value[:, i] = shape.material.reflectance / np.pi
+            else:
+                textured.append((i, shape.material.reflectance))
+        return cls(value, tuple(textured))
 
-    def evaluate(self, shape: NDArray[np.integer], n: Floats, wo: Floats, wi: Floats) -> Floats:
+    def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
         """See `MaterialKind`."""
-        return gather(self.value, shape)
+        value = gather(self.value, hit.shape)
+        if self.textured:
+            value = np.broadcast_to(value, (3, hit.shape.size)).copy()
+        for shape, texture in self.textured:
+            rows = np.flatnonzero(hit.shape == shape)
+            if rows.size:
+                value[:, rows] = evaluate(texture, hit.uv.take(rows, axis=1)) / np.pi
+        return value
 
-    def sample(self, shape: NDArray[np.integer], n: Floats, wo: Floats, u: Floats) -> tuple[Floats, Floats]:
+    def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
         """Cosine-weighted, which is the whole of a Lambertian BRDF. See `MaterialKind`."""
         x, y, z = cosine_hemisphere(u)
-        return combine(frame_about(n), x, y, z), z / np.pi
+        return combine(frame_about(hit.n), x, y, z), z / np.pi
 
-    def pdf(self, shape: NDArray[np.integer], n: Floats, wo: Floats, wi: Floats) -> Floats:
+    def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
         """See `MaterialKind`."""
-        return np.maximum(dot(wi, n), 0.0) / np.pi
+        return np.maximum(dot(wi, hit.n), 0.0) / np.pi
 
     def black(self) -> NDArray[np.bool_]:
         """See `MaterialKind`."""
-        return ~np.any(self.value > 0, axis=0)
+        black = ~np.any(self.value > 0, axis=0)
+        black[[shape for shape, texture in self.textured if brightest(texture).any()]] = False
+        return black
+
+    @classmethod
+    def examples(cls) -> list[MaterialExample]:
+        """See `MaterialKind`."""
+        ball = Sphere(np.zeros(3), 1.0)
+        return [MaterialExample("a coloured wall", ShapeDescription(ball, Diffuse(np.array([0.8, 0.5, 0.1]))))]
 
 
 MATERIALS.add("diffuse", DiffuseMaterials)

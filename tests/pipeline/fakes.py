@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.executors.protocol import Outcome
 from pipeline.progress import Amount, Update
-from pipeline.references.protocol import Progress, ReferenceImage, ReferenceRequest
+from pipeline.references.protocol import Continuation, Progress, Quantity, ReferenceImage, ReferenceRequest
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
 
@@ -46,11 +46,15 @@ class FakeBackend:
     def version(self) -> str:
         return "1"
 
-    def refuses(self, scene: SceneDescription) -> str | None:
+    def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         return self.refused.get(scene.name)
 
     def render(
-        self, scene: SceneDescription, request: ReferenceRequest, progress: Progress | None = None
+        self,
+        scene: SceneDescription,
+        request: ReferenceRequest,
+        progress: Progress | None = None,
+        continuation: Continuation | None = None,
     ) -> ReferenceImage:
         self.asked += 1
         if progress:

@@ -44,6 +44,12 @@ def test_a_run_needs_one_part_of_each_group() -> None:
     assert verdict([part(False, "M"), part(False, "M"), part(True, "E")]) == ["M"]
 
 
+@pytest.mark.opengl
+def test_pyrender_draws_a_triangle() -> None:
+    (part,) = doctor.rasteriser()
+    assert part.works, part.detail
+
+
 @pytest.mark.browser
 def test_the_browser_shows_a_page() -> None:
     (part,) = doctor.browser()

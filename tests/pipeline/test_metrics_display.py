@@ -8,7 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from pipeline.metrics.flip import Flip, evaluate, exposures
+from pipeline.metrics.flip import Flip, exposures
+from pipeline.metrics.flip_library import evaluate
 from pipeline.metrics.protocol import METRICS, Estimate, Image, Reference
 from pipeline.metrics.tone import displayed, exposure, luminance
 

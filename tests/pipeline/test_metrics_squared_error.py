@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from pipeline.metrics.protocol import METRICS, Estimate, Image, Reference
-from pipeline.metrics.squared_error import SquaredError, scale_interval, squared_error, standard_error
+from pipeline.metrics.spread import scale_interval, standard_error
+from pipeline.metrics.squared_error import SquaredError, squared_error
 
 HEIGHT, WIDTH = 48, 64
 BATCHES = 64

@@ -20,6 +20,7 @@ from scenes.errors import PenumbraError
 from tests.pipeline.fakes import TINY, TINY_CELLS, FakeBackend, InlineExecutor, Recorder
 
 ALL = {"references": 1, "cells": TINY_CELLS, "scores": TINY_CELLS}
+TOO_CLOSE = "it is too close to the floor; backends that take it: closed-form, mitsuba, self"
 NOTHING = {"references": 0, "cells": 0, "scores": 0}
 
 
@@ -57,6 +58,21 @@ def test_a_run_makes_every_reference_cell_and_score(tmp_path: Path) -> None:
     assert (len(study.cells), study.missing) == (TINY_CELLS, 0)
     assert all(cell.card is not None and cell.card.cell == cell.record.key for cell in study.cells)
     assert all((tmp_path / cell.record.image).is_file() for cell in study.cells)
+
+
+@pytest.mark.usefixtures("backend")
+def test_every_cell_is_scored_by_region(tmp_path: Path) -> None:
+    """Regions cover the image; the mean over pixels of their MSE is the whole's; one label image serves all cells of the scene."""
+    run(tmp_path)
+    (study,) = load_run(tmp_path).studies
+    for cell in study.cells:
+        assert cell.card is not None and cell.card.region_map is not None
+        parts = cell.card.regions
+        assert {"lit", "light"} <= set(parts) and sum(part.pixels for part in parts.values()) == 16 * 12
+        assert cell.card.region_map.pixels == {name: part.pixels for name, part in parts.items()}
+        sums = [part.pixels * (part.scores["mse"].value or 0.0) for part in parts.values()]
+        assert cell.card.scores["mse"].value == pytest.approx(sum(sums) / (16 * 12))
+    assert len({cell.card.region_map.image for cell in study.cells if cell.card and cell.card.region_map}) == 1
     assert all((tmp_path / cell.card.reference.image).is_file() for cell in study.cells if cell.card)
 
 
@@ -158,7 +174,7 @@ def test_scenes_that_the_reference_refuses_are_left_out_in_words(tmp_path: Path,
     recorder = Recorder()
     summary = run(tmp_path, text, recorder=recorder)
     label = "touching-light xresolution=16 yresolution=12"
-    assert recorder.notes == [f"reference fake left out for {label}: it is too close to the floor"]
+    assert recorder.notes == [f"reference fake left out for {label}: {TOO_CLOSE}"]
     assert load_run(tmp_path).studies[0].left_out == summary.left_out
     assert {cell.entry.job.scene for cell in load_run(tmp_path).studies[0].cells} == {"sphere-light"}
 

@@ -9,7 +9,15 @@ import pytest
 from scipy import stats
 
 from pipeline.statistics.power import beta
-from pipeline.statistics.welch import Moments, TestResult, batch_moments, compare_images, sidak, sidak_level, welch
+from pipeline.statistics.welch import (
+    Moments,
+    TestResult,
+    batch_moments,
+    compare_images,
+    sidak,
+    sidak_level,
+    welch,
+)
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Rng = np.random.Generator

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.cells import cell_key, fair_order, lay_out
+from pipeline.metrics.protocol import METRICS
 from pipeline.record import Job
 from pipeline.sweep import Sweep, builtin_sweeps, load_sweep, parse_sweep
 from renderer.estimators.protocol import ESTIMATORS
@@ -41,10 +42,10 @@ MISTAKES = [
     ("spp = [1, 4]", "spp = [1, 0]", "study[0].axes.spp[1]: input should be greater than or equal to 1, not 0"),
     ("spp = [1, 4]", "spp = []", "study[0].axes.spp: is empty; give at least one"),
     ("spp = [1, 4]", "spp = [1.5]", "study[0].axes.spp[0]: input should be a valid integer, not 1.5"),
-    ('"area", "solid-angle"', '"aera"', "study[0].axes.estimator: unknown estimator 'aera'; there are: area, bsdf, cosine, hemisphere, mis, mis-balance, solid-angle"),
+    ('"area", "solid-angle"', '"aera"', "study[0].axes.estimator: unknown estimator 'aera'; there are: " + ", ".join(ESTIMATORS.names())),
     ('"independent", "sobol"', '"halton"', "study[0].axes.sampler: unknown sampler 'halton'; there are: independent"),
-    ('metrics = ["mse"]', 'metrics = ["l2"]', "study[0].metrics: unknown metric 'l2'; there are: flip"),
-    ('"mitsuba"', '"pbrt"', "study[0].reference.backend: unknown reference backend 'pbrt'; there are: closed-form, mitsuba"),
+    ('metrics = ["mse"]', 'metrics = ["l2"]', "study[0].metrics: unknown metric 'l2'; there are: " + ", ".join(METRICS.names())),
+    ('"mitsuba"', '"prbt"', "study[0].reference.backend: unknown reference backend 'prbt'; there are: closed-form, mitsuba"),
     ("spp = 640", "spp = 63", "study[0].reference: spp = 63 cannot be dealt to batches = 64"),
     ("spp = 640", "ssp = 640", "study[0].reference.ssp: unknown key; allowed here: backend, spp, batches, seed (did you mean spp?)"),
     ("[64]", "[nan]", "study[0].axes.parameters.xresolution[0]: input should be a finite number, not nan"),
@@ -105,27 +106,28 @@ def test_builtin_sweeps_lay_out(name: str) -> None:
 
 
 def test_the_demo_is_the_grid_that_was_promised() -> None:
-    """5 spp, 3 seeds, both samplers: 2 estimators on two scenes, 1 on disks; and 6 gaps, 2 estimators, 3 seeds."""
+    """5 spp, 3 seeds, both samplers: 2 estimators on three scenes; and 6 gaps, 2 estimators, 3 seeds."""
     samples, overflow = lay_out(load_sweep("demo"), "demo")
-    assert (len(samples.cells), len(overflow.cells)) == (2 * 2 * 5 * 2 * 3 + 5 * 2 * 3, 6 * 2 * 3)
+    assert (len(samples.cells), len(overflow.cells)) == (3 * 2 * 5 * 2 * 3, 6 * 2 * 3)
     assert {variant.parameters["gap"] for variant in overflow.variants} == {1, 0.1, 0.01, 0.001, 0.0001, 0.00001}
     assert min(v.scene.film.width for v in samples.variants) >= 128
     assert min(v.scene.film.height for v in samples.variants) >= 96
 
 
 def test_an_estimator_that_refuses_a_scene_is_left_out_with_its_reason() -> None:
-    sweep = parse(GOOD.replace('["soft-shadow"]', '["soft-shadow", "disk-light"]'))
+    text = GOOD.replace('"solid-angle"', '"projected-solid-angle"')
+    sweep = parse(text.replace('["soft-shadow"]', '["soft-shadow", "sphere-light"]'))
     (plan,) = lay_out(sweep, "file.toml")
-    disk = next(variant for variant in plan.variants if variant.name == "disk-light")
+    ball = next(variant for variant in plan.variants if variant.name == "sphere-light")
     (note,) = plan.left_out
-    assert (note.scene, note.what) == ("disk-light", "solid-angle")
-    assert note.reason == ESTIMATORS["solid-angle"].refuses(disk.scene)
-    assert {cell.job.estimator for cell in plan.cells if cell.job.scene == "disk-light"} == {"area"}
+    assert (note.scene, note.what) == ("sphere-light", "projected-solid-angle")
+    assert note.reason == ESTIMATORS["projected-solid-angle"].refuses(ball.scene)
+    assert {cell.job.estimator for cell in plan.cells if cell.job.scene == "sphere-light"} == {"area"}
 
 
 def test_nothing_left_is_an_error() -> None:
-    text = GOOD.replace('["soft-shadow"]', '["disk-light"]').replace('"area", "solid-angle"', '"solid-angle"')
-    with pytest.raises(PenumbraError, match="nothing is left to render: solid-angle left out for disk-light"):
+    text = GOOD.replace('["soft-shadow"]', '["disk-light"]').replace('"area", "solid-angle"', '"environment"')
+    with pytest.raises(PenumbraError, match="nothing is left to render: environment left out for disk-light"):
         lay_out(parse(text), "file.toml")
 
 

@@ -176,8 +176,10 @@ def test_what_is_refused():
     with pytest.raises(PenumbraError, match=r"by hand.*no lights"):
         BACKEND.render(dark, ReferenceRequest(2, 2))
     assert BACKEND.refuses(everything()) is None
-    both = dataclasses.replace(shape(Disk(2 * Y, Y, 1.0)), emission=Emission(np.ones(3), two_sided=True))
-    assert "two-sided" in str(BACKEND.refuses(scene([floor(), both], np.eye(4), 40.0)))
+    thick = Disk(1e-4 * Y, Y, 1.0)  # far enough off the floor for a light of one side, and not for one of two
+    for both, refused in ((False, False), (True, True)):
+        lamp = dataclasses.replace(shape(thick), emission=Emission(np.ones(3), two_sided=both))
+        assert ("from other geometry" in str(BACKEND.refuses(scene([floor(), lamp], np.eye(4), 40.0)))) == refused
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-3, 1.2e-4, 8e-5, 1e-6, 0.0])

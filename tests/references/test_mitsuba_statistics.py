@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import sys
-from types import SimpleNamespace
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.references import mitsuba, mitsuba_worker
+from pipeline.references import mitsuba, mitsuba_process
 from pipeline.references.mitsuba import MitsubaBackend, Probe
-from pipeline.references.mitsuba_worker import MitsubaScene, Task
-from pipeline.references.protocol import BACKENDS, ReferenceImage, ReferenceRequest
+from pipeline.references.mitsuba_seeds import seeds_for
+from pipeline.references.protocol import BACKENDS, Continuation, ReferenceImage, ReferenceRequest
+from pipeline.references.tally import Tally
 from scenes.description import Film, SceneDescription
 from scenes.errors import PenumbraError
 from tests.references.mitsuba_scenes import floor, look_at, rectangle, scene, shape, vector
@@ -64,53 +66,63 @@ def test_calls_share_no_stream(size: tuple[int, int]):
     There pixel i of block k of a call takes stream seed * width * height + 1024 k + i, modulo 2^32.
     """
     width, height = size
-    request, film = ReferenceRequest(batches=64, seed=5), Film(width, height)
-    scalar, llvm = (mitsuba._seeds(request, 2, film, variant) for variant in ("scalar_rgb", "llvm_ad_rgb"))  # pyright: ignore[reportPrivateUsage]
+    film = Film(width, height)
+    scalar, llvm = (seeds_for(5, film, variant, 0, 128) for variant in ("scalar_rgb", "llvm_ad_rgb"))
     first = np.sort(np.array(scalar, dtype=object) * (width * height))
     apart = np.diff(np.append(first, first[0] + 2**32))
     assert len(first) == 128 and apart.min() >= 1024 * (-(-width // 32)) * (-(-height // 32))
     assert len(set(llvm)) == 128 and min(llvm) >= 0 and max(llvm) < 2**32
-    other = mitsuba._seeds(ReferenceRequest(batches=64, seed=6), 2, film, "llvm_ad_rgb")  # pyright: ignore[reportPrivateUsage]
-    assert set(llvm).isdisjoint(other)
+    assert set(llvm).isdisjoint(seeds_for(6, film, "llvm_ad_rgb", 0, 128))
+    for variant, seeds in (("scalar_rgb", scalar), ("llvm_ad_rgb", llvm)):
+        later = seeds_for(5, film, variant, 100, 28)
+        assert later == seeds[100:], "what is added later is what would have come next"
+
+
+def test_no_seed_of_a_long_series_comes_twice():
+    """All 65,536 of 214,748 slots: drawn with replacement, thousands would."""
+    assert len(set(seeds_for(5, Film(100, 100), "scalar_rgb", 0, 65_536))) == 65_536
 
 
 def test_an_image_with_more_pixels_than_streams_is_an_error():
     with pytest.raises(PenumbraError, match="too many for 64 calls"):
-        mitsuba._seeds(ReferenceRequest(), 1, Film(10_000, 10_000), "scalar_rgb")  # pyright: ignore[reportPrivateUsage]
+        seeds_for(0, Film(10_000, 10_000), "scalar_rgb", 0, 64)
+    with pytest.raises(PenumbraError, match="at most 65536"):
+        seeds_for(0, Film(8, 8), "llvm_ad_rgb", 65_530, 7)
 
 
-class FakeMitsuba:
-    """Gives known images in place of renders."""
-
-    def __init__(self, images: np.ndarray) -> None:
-        self.images = images
-        self.seeds: list[int] = []
-
-    def render(self, _scene: object, seed: int, spp: int) -> np.ndarray:
-        self.seeds.append(seed)
-        return self.images[len(self.seeds) - 1]
+def test_no_call_is_too_large():
+    assert mitsuba.most_spp(Film(8, 8), "llvm_ad_rgb") == mitsuba.most_spp(Film(8, 8), "scalar_rgb") == 10_000
+    assert mitsuba.most_spp(Film(1024, 1024), "llvm_ad_rgb") == 16
+    assert mitsuba.most_spp(Film(8192, 8192), "llvm_ad_rgb") == 1
 
 
-def test_batches_are_accumulated_as_numpy_would():
-    """Against the two-pass formula, with a mean 1e4 times the spread: float32 or sums of squares would lose it."""
-    images = 1e4 + np.random.default_rng(2).normal(size=(24, 3, 4, 3))
-    fake = FakeMitsuba(images)
-    film = MitsubaScene(np.eye(4), 40.0, (0.0, 1.0), 4, 3, ())
-    task = Task("none", film, batches=8, passes=3, spp=5, seeds=tuple(range(24)))
-    mean, m2 = mitsuba_worker._accumulate(fake, SimpleNamespace(), task)  # pyright: ignore[reportPrivateUsage]
-    batches = images.reshape(8, 3, 3, 4, 3).mean(axis=1)
-    np.testing.assert_allclose(mean, batches.mean(axis=0), rtol=1e-14)
-    np.testing.assert_allclose(m2 / 7, batches.var(axis=0, ddof=1), rtol=1e-8)
-    assert fake.seeds == list(range(24))
+def test_interrupted_and_gone_on_with_it_comes_out_the_same():
+    """To the last bit, and the worker of the interrupted call is gone."""
+    request, kept = ReferenceRequest(64, 8), list[Tally]()
+
+    def keep(tally: Tally) -> None:
+        kept.append(tally)
+        if tally.batches == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        MitsubaBackend().render(lit_floor(), request, None, Continuation(None, keep))
+    again = MitsubaBackend().render(lit_floor(), request, None, Continuation(kept[-1]))
+    whole = MitsubaBackend().render(lit_floor(), request)
+    np.testing.assert_array_equal(again.mean, whole.mean)
+    np.testing.assert_array_equal(again.variance, whole.variance)
+    assert (again.spp, again.batches) == (64, 8)
 
 
-@pytest.mark.parametrize(("spp", "batches"), [(4096, 64), (1, 64), (100, 3), (1_000_000, 64), (2**20, 2)])
-def test_no_call_is_too_large_and_no_sample_missing(spp: int, batches: int):
-    task = mitsuba._plan(lit_floor(64, 64), ReferenceRequest(spp, batches), "none")  # pyright: ignore[reportPrivateUsage]
-    assert task.spp <= 10_000 and task.spp * 64 * 64 <= 2**24
-    total = task.batches * task.passes * task.spp
-    assert spp <= total < spp + task.batches * task.passes
-    assert len(task.seeds) == task.batches * task.passes
+def test_an_interrupted_call_ends_its_worker(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """One that would go on for a minute."""
+    script = f"import time; open({str(tmp_path / 'began')!r}, 'w').close(); print('penumbra-lift 1', flush=True); time.sleep(60)"
+    monkeypatch.setattr(mitsuba_process, "command", lambda _folder: [sys.executable, "-c", script])
+    work_with(monkeypatch, "llvm_ad_rgb")
+    start = time.monotonic()
+    with pytest.raises(PenumbraError, match="1 pixels off the surfaces in view"):
+        MitsubaBackend().render(lit_floor(), ReferenceRequest(2, 2))
+    assert (tmp_path / "began").exists() and time.monotonic() - start < 30
 
 
 def test_one_batch_is_refused():
@@ -130,7 +142,8 @@ def test_progress_rises_to_one_and_the_version_names_what_ran():
 
 def test_a_worker_that_dies_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
     script = "import os, sys; print('LLVM ERROR: Cannot select', file=sys.stderr, flush=True); os.abort()"
-    monkeypatch.setattr(mitsuba, "_command", lambda _folder: [sys.executable, "-c", script])
+    monkeypatch.setattr(mitsuba_process, "command", lambda _folder: [sys.executable, "-c", script])
+    work_with(monkeypatch, "llvm_ad_rgb")
     with pytest.raises(PenumbraError, match=r"failed with code -6: LLVM ERROR: Cannot select") as caught:
         MitsubaBackend().render(lit_floor(), ReferenceRequest(2, 2))
     assert "\n" not in str(caught.value)
@@ -150,7 +163,7 @@ def test_without_llvm_the_scalar_variant_is_taken(monkeypatch: pytest.MonkeyPatc
 
 def test_here_the_wheels_llvm_works():
     """The dependency that brings LLVM does what it is there for; a silent fall to the slow variant is a failure here."""
-    llvm = mitsuba.llvm_library()
+    llvm = mitsuba_process.llvm_library()
     assert llvm is not None and "libLLVM" in llvm
     assert isinstance(mitsuba.probe_variants()[0], Probe) and mitsuba.working_variant() == "llvm_ad_rgb"
 

@@ -21,6 +21,7 @@ from pipeline.record import (
     RayCounts,
     Record,
     ReferenceInfo,
+    RegionScores,
     SampleStatistics,
     Score,
     ScoreCard,
@@ -40,7 +41,9 @@ SIGMA = {"area": 0.4, "solid-angle": 0.2}
 SECONDS = {"area": 0.01, "solid-angle": 0.01}  # a sample of the whole image
 SPREAD = 0.01  # relative, of MSE and time over the seeds, up and down: their means are exact
 FORBIDDEN = 7.654321e-3  # the RMSE of an untrustworthy image; no page may show it
-METRICS = ["mse", "relmse", "flip", "ssim"]
+METRICS = ["mse", "relmse", "flip", "ssim", "umbra-leak"]
+PIXELS = {"lit": 700, "umbra": 68}  # of each region; all error is in the lit one
+LEAK = 3e-5
 PLAN = [
     PlanDecision(
         effect="shadow rays to rectangle 0", needed=True, reason="3 shapes may lie between it and 5 receivers"
@@ -150,6 +153,7 @@ def _write(store: Store, entry: CellEntry, rmse: float, bound: bool) -> None:
         reference=info,
         scores=_scores(rmse**2 * off, bound),
         error_map=f"scores/{entry.score}/error.exr",
+        regions=_regions(rmse**2 * off, bound),
     )
     store.write_score(entry.score, card, lambda path: write_exr(path, {"rmse": error}))
 
@@ -201,10 +205,20 @@ def _write_reference(store: Store, job: Job, image: Array) -> ReferenceInfo:
     )
 
 
+def _regions(mse: float, bound: bool) -> dict[str, RegionScores]:
+    lit = mse * WIDTH * HEIGHT / PIXELS["lit"]
+    black = {"mse": Score(metric="mse", value=0.0, low=0.0, high=0.0)}
+    return {
+        "lit": RegionScores(pixels=PIXELS["lit"], scores=_scores(lit, bound)),
+        "umbra": RegionScores(pixels=PIXELS["umbra"], scores=black),
+    }
+
+
 def _scores(mse: float, bound: bool) -> dict[str, Score]:
     return {
         "mse": Score(metric="mse", value=mse, low=0.0 if bound else mse * 0.9, high=mse * 1.1, bound=bound),
         "relmse": Score(metric="relmse", value=2 * mse, low=1.8 * mse, high=2.2 * mse, bound=bound),
         "flip": Score(metric="flip", value=0.1),
+        "umbra-leak": Score(metric="umbra-leak", value=LEAK, low=LEAK, high=LEAK),
         "ssim": Score(metric="ssim", value=None, note="the picture is smaller than the window"),
     }

@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from renderer.lights.rectangle import GRAZING, SMALL, invert, solid_angle
+from renderer.spherical.rectangle import GRAZING, SMALL, invert, solid_angle
 
 mp.mp.dps = 50
 

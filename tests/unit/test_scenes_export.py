@@ -101,7 +101,7 @@ class Random:
         film = Film(int(self.rng.integers(1, 4096)), int(self.rng.integers(1, 4096)))
         defaults = RenderDefaults("sobol" if self.flag() else "independent", int(self.rng.integers(1, 2**20)))
         shapes = tuple(self.shape() for _ in range(self.rng.integers(5)))
-        return SceneDescription("random", self.camera(), film, shapes, defaults)
+        return SceneDescription("random", self.camera(), film, shapes, defaults=defaults)
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import time
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from scenes.errors import PenumbraError
+from scenes.catalog import LIBRARY
+from scenes.errors import PLACES, PenumbraError
 from scenes.export import to_pbrt
 from scenes.meshes import read_ply
-from scenes.parser import parse
+from scenes.parser import parse, parse_source
+from scenes.tokens import Source
 from tests.unit.scene_texts import HEAD, PATCH, TRIANGLE
 from tests.unit.test_scenes_meshes import QUADS, TRIANGLES, ascii_ply, binary_quads
+from tests.unit.test_scenes_pbrt_images import FOLDER as REFERENCES
 
 WORDS = [
     *("LookAt", "Camera", "Film", "PixelFilter", "Sampler", "Integrator", "WorldBegin", "AttributeBegin", "AttributeEnd"),
@@ -24,6 +28,11 @@ WORDS = [
     *('"plymesh"', '"float radius"', '"float fov"', '"point3 P"', '"integer indices"', '"rgb L"', '"rgb reflectance"'),
     *('"string filename"', '"integer maxdepth"', '"float height"', '"bool twosided"', '"world"', '"camera"', '"', "[", "]"),
     *("0", "1", "-1", "2", "0.5", "1e-300", "1e300", "nan", "inf", "1e999", "99999999999", "$x", "#", "#$ x 1 \"y\"", "true"),
+    *("TransformBegin", "TransformEnd", "ObjectBegin", "ObjectEnd", "ObjectInstance", "Attribute", "Option", "ColorSpace"),
+    *("Texture", "LightSource", "Import", "MediumInterface", "MakeNamedMedium", "ActiveTransform", "TransformTimes", "Accelerator"),
+    *('"float"', '"spectrum"', '"constant"', '"checkerboard"', '"mix"', '"scale"', '"imagemap"', '"conductor"', '"infinite"'),
+    *('"distant"', '"point"', '"spot"', '"texture reflectance"', '"rgb value"', '"float roughness"', '"float power"', '"point3 from"'),
+    *('"point3 to"', '"texture tex1"', '"float illuminance"', '"bool hemisphere"', '"string mapping"', '"float alpha"', '"shape"'),
     *("[ 1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1 ]", "[ 0 0 0 1 0 0 0 1 0 ]", "[ .5 .5 .5 ]", TRIANGLE, PATCH, "\n", "\t"),
 ]  # fmt: skip
 # The same examples each time, and no deadline of the clock: the machine may be busy. Time is bounded in the last test.
@@ -44,7 +53,7 @@ def answers(text: str | bytes) -> None:
         try:
             scene = parse(text)
         except PenumbraError as error:
-            assert str(error).isprintable()
+            assert all(line.isprintable() for line in str(error).splitlines())
             raise
         assert parse(to_pbrt(scene)).content_hash() == scene.content_hash()
 
@@ -88,6 +97,41 @@ def test_extreme_numbers(directives: list[str], values: list[str], shape: str, l
     answers(HEAD + body)
 
 
+FILES = sorted([*LIBRARY.glob("**/*.pbrt"), *REFERENCES.glob("*.pbrt")])
+# What a text editor, a wrong export or a bad disk does to a file, at a place and with a length.
+MUTATIONS = {
+    "cut": lambda text, at, size: text[:at] + text[at + size :],
+    "stop": lambda text, at, _: text[:at],
+    "double": lambda text, at, size: text[: at + size] + text[at:],
+    "move": lambda text, at, size: text[:at] + text[at + size :] + text[at : at + size],
+    "quote": lambda text, at, _: text[:at] + '"' + text[at:],
+    "open": lambda text, at, _: text[:at] + " [ " + text[at:],
+    "close": lambda text, at, _: text[:at] + " ] " + text[at:],
+    "number": lambda text, at, _: text[:at] + " -1e300 " + text[at:],
+    "word": lambda text, at, _: text[:at] + " AttributeBegin " + text[at:],
+    "hash": lambda text, at, _: text[:at] + "#" + text[at:],
+    "swap case": lambda text, at, size: text[:at] + text[at : at + size].swapcase() + text[at + size :],
+    "bytes": lambda text, at, size: text[:at] + "\x00\ud800\u2028" + text[at + size :],
+}  # fmt: skip
+
+
+@settings(max_examples=150, **QUIET)
+@given(
+    st.sampled_from(FILES),
+    st.lists(
+        st.tuples(st.sampled_from(sorted(MUTATIONS)), st.floats(0, 1), st.integers(1, 60)), min_size=1, max_size=4
+    ),
+)
+def test_damaged_scene_files(path: Path, mutations: list[tuple[str, float, int]]) -> None:
+    text = path.read_text()
+    for name, place, size in mutations:
+        text = MUTATIONS[name](text, int(place * len(text)), size)
+    source = Source(str(path), text, path.parent)
+    with contextlib.suppress(PenumbraError):
+        scene = parse_source(source, {}, path.stem)
+        assert scene.content_hash()
+
+
 @settings(max_examples=100, **QUIET)
 @given(
     st.sampled_from([ascii_ply(TRIANGLES), ascii_ply(QUADS), binary_quads()]),
@@ -115,13 +159,23 @@ def test_damaged_mesh_files(tmp_path_factory: pytest.TempPathFactory, data: byte
         HEAD + 'Film "rgb" "integer xresolution" ' + "9" * 100_000,
         HEAD + 'Shape "' + "x\\n" * 10_000 + '"',
         HEAD + 'Include "' + "../" * 20_000 + '"',
+        HEAD + "".join(f'ObjectBegin "{i}" ' for i in range(5_000)),
+        HEAD + 'ObjectInstance "o" ' * 3_000,
+        HEAD + 'Shape "trianglemesh" "point3 P" [ ' + "1 " * 1_000_000 + "x",
+        HEAD + ('Shape "trianglemesh" "point3 P" [ ' + "1 2 3 " * 20 + "x ] ") * 200,
+        HEAD + 'Attribute "shape" "float radius" 1 ' * 3_000 + "x",
+        HEAD + 'LightSource "infinite" ' * 1_000 + "x",
+        HEAD + 'Shape "cone" ' * 5_000,
+        HEAD + 'Shape "sphere" "float x" [ ' + "#" * 1_000_000,
+        HEAD + 'Shape "sphere" "float x" [ ' + "1e999 " * 100_000,
+        HEAD + 'Shape "sphere" "float x" [ ' + "1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1-1 " * 5_000,
     ],
-    ids=range(11),
+    ids=range(21),
 )  # fmt: skip
 def test_long_nonsense_is_refused_in_time(text: str) -> None:
     start = time.process_time()
     with pytest.raises(PenumbraError) as caught:
         parse(text)
     assert time.process_time() - start < 3  # linear: a tenth of that here; a quadratic step would take minutes
-    assert len(str(caught.value)) < 1000
-    assert str(caught.value).isprintable()
+    assert all(len(line) < 1000 and line.isprintable() for line in str(caught.value).splitlines())
+    assert len(str(caught.value).splitlines()) <= PLACES + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,10 @@ NORMALS = "property float nx\nproperty float ny\nproperty float nz\n"
         (ascii_ply("2 0 1\n3 0 1 2\n"), "neither triangles nor quadrilaterals"),
         (ascii_ply(TRIANGLES, points="0 0 0\n1 0 0\n1 nan 0\n0 1 0\n2 0 0\n"), "not finite"),
         (ascii_ply(TRIANGLES, points="0 0 0\n1 0 0\nhello there\n0 1 0\n"), "no PLY file"),
-        (ascii_ply(TRIANGLES, "0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n", NORMALS), "vertex normals"),
+        (
+            ascii_ply(TRIANGLES, "0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 nan 1\n0 1 0 0 0 1\n", NORMALS),
+            "normal that is not finite",
+        ),
         (ascii_ply(TRIANGLES).replace(b"face 2", b"face 3"), "as its header says"),
         (ascii_ply(TRIANGLES).replace(b"vertex 5", b"wertex 5"), "as its header says"),
         (binary_quads()[:-2], "no PLY file"),
@@ -109,6 +113,72 @@ def test_damaged_or_unsupported_files_are_named_with_the_reason(tmp_path: Path, 
         read_ply(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def with_normals(normals: str) -> bytes:
+    rows = zip(["0 0 0", "1 0 0", "1 1 0", "0 1 0"], normals.split(","), strict=True)
+    return ascii_ply(TRIANGLES, "".join(f"{point} {normal}\n" for point, normal in rows), NORMALS)
+
+
+@pytest.mark.parametrize(
+    ("state", "normals", "reverse"),
+    [
+        ("", "0 0 1,0 0 1,0 0 1,0 0 1", False),
+        ("", "0 0 -2,0 0 -1,0 0 -1,0 0 -1", True),  # in pbrt the given normals decide, whatever the order of corners
+        ("ReverseOrientation ", "0 0 1,0 0 1,0 0 1,0 0 1", True),
+        ("ReverseOrientation ", "0 0 -1,0 0 -1,0 0 -1,0 0 -1", False),
+        (
+            "Scale -1 1 1 ",
+            "0 0 1,0 0 1,0 0 1,0 0 1",
+            True,
+        ),  # mirrored corners go round the other way; the normal stays +z
+        ("Scale 1 1 -1 ", "0 0 1,0 0 1,0 0 1,0 0 1", True),
+    ],
+)
+def test_normals_that_are_the_faces_own_only_choose_a_side(
+    tmp_path: Path, state: str, normals: str, reverse: bool
+) -> None:
+    written(tmp_path, with_normals(normals))
+    scene = tmp_path / "s.pbrt"
+    scene.write_text(HEAD + state + 'Shape "plymesh" "string filename" "m.ply"')
+    geometry = parse_file(scene).shapes[0].geometry
+    assert isinstance(geometry, TriangleMesh)
+    assert geometry.reverse is reverse
+
+
+def test_normals_that_would_shade_smoothly_are_refused(tmp_path: Path) -> None:
+    written(tmp_path, with_normals("0 0 1,0 .1 1,0 0 1,0 0 1"))
+    scene = tmp_path / "s.pbrt"
+    scene.write_text('Camera "perspective"\nWorldBegin\nShape "plymesh" "string filename" "m.ply"')
+    with pytest.raises(SceneError, match=r"s\.pbrt:3:17: smooth shading is not supported"):
+        parse_file(scene)
+
+
+@pytest.mark.parametrize("names", ["u v", "s t", "texture_u texture_v", "texture_s texture_t"])
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_texture_coordinates_are_read_under_each_of_their_names(tmp_path: Path, names: str, encoding: str) -> None:
+    first, second = names.split()
+    properties = f"property float {first}\nproperty float {second}\n"
+    if encoding == "ascii":
+        data = ascii_ply("3 0 1 2\n", "0 0 0 0 0\n1 0 0 .5 0\n0 1 0 0 .25\n", properties)
+    else:
+        head = f"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{properties}"
+        head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        rows = np.array([[0, 0, 0, 0, 0], [1, 0, 0, 0.5, 0], [0, 1, 0, 0, 0.25]], dtype="<f4")
+        data = head.encode() + rows.tobytes() + b"\x03" + np.arange(3, dtype="<i4").tobytes()
+    uv = read_ply(written(tmp_path, data)).uv
+    assert uv is not None
+    assert uv.tolist() == [[0, 0], [0.5, 0], [0, 0.25]]
+
+
+def test_compressed_files_are_read(tmp_path: Path) -> None:
+    written(tmp_path, gzip.compress(binary_quads()), "m.ply.gz")
+    scene = tmp_path / "s.pbrt"
+    scene.write_text(HEAD + 'Shape "plymesh" "string filename" "m.ply.gz"')
+    assert isinstance(parse_file(scene).shapes[0].geometry, BilinearMesh)
+    for data in (b"no gzip", gzip.compress(binary_quads())[:-9], b""):
+        with pytest.raises(PenumbraError, match=r"m\.ply\.gz"):
+            read_ply(written(tmp_path, data, "m.ply.gz"))
 
 
 def test_binary_mixtures_are_refused_with_a_cure(tmp_path: Path) -> None:

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import BilinearMesh, Disk, SceneDescription, Sphere
-from scenes.errors import Location, SceneError
+from scenes.description import BilinearMesh, Disk, DistantLight, Environment, SceneDescription, Sphere
 from scenes.export import to_pbrt
 from scenes.images import read_rgb
 from scenes.parser import parse, parse_file
@@ -43,12 +42,20 @@ def test_their_lights_face_where_pbrt_s_do() -> None:
     assert disk.center.tolist() == [-0.2, 3, 0.5]
 
 
-@pytest.mark.parametrize(("name", "kind"), [("sky-and-sun", "infinite"), ("asymmetric", "distant")])
-def test_lights_that_are_still_to_come_are_refused_by_name_and_place(name: str, kind: str) -> None:
-    path = FOLDER / f"{name}.pbrt"
-    with pytest.raises(SceneError, match=f'LightSource "{kind}" is not supported yet') as caught:
-        parse_file(path)
-    assert caught.value.location == Location(str(path), 9, 1)
+def test_the_scenes_with_lights_that_are_no_shapes() -> None:
+    scene = parse_file(FOLDER / "sky-and-sun.pbrt")
+    sky, sun = scene.lights
+    assert isinstance(sky, Environment)
+    assert isinstance(sun, DistantLight)
+    assert (sky.radiance.tolist(), sky.image, sky.hemisphere) == ([0.9, 0.75, 0.25], None, False)
+    assert sun.irradiance.tolist() == [1.6, 0.9, 0.3]
+    np.testing.assert_allclose(sun.wi, np.array([3, 4, 2]) / np.sqrt(29), atol=1e-15)
+    assert (len(scene.shapes), scene.film.width, scene.film.height) == (3, 160, 120)
+    scene = parse_file(FOLDER / "asymmetric.pbrt")
+    (sun,) = scene.lights
+    assert isinstance(sun, DistantLight)
+    np.testing.assert_allclose(sun.wi, np.array([-2, 5, 3]) / np.sqrt(38), atol=1e-15)
+    assert (len(scene.shapes), scene.film.width, scene.film.height) == (4, 200, 96)
 
 
 def rays(scene: SceneDescription, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenes.description import BilinearMesh, Disk, Sphere, TriangleMesh
-from scenes.shapes import patch_problem
+from scenes.mesh_shapes import patch_problem
 from tests.unit.scene_texts import PATCH, TRIANGLE, face_normals, world, world_fails
 
 LIGHT = 'AreaLightSource "diffuse"\n'
@@ -174,7 +174,11 @@ def test_order_and_shape_of_a_patch() -> None:
         (TRIANGLE + ' "integer indices" [ 0 1 3 ]', len(TRIANGLE) + 26, ("index 3 is out of range", "3 points")),
         (TRIANGLE + ' "integer indices" [ 0 -1 2 ]', len(TRIANGLE) + 24, ("index -1",)),
         (TRIANGLE + ' "integer indices" [ 0 1.5 2 ]', len(TRIANGLE) + 24, ("whole number",)),
-        (TRIANGLE + ' "normal N" [ 0 0 1 0 0 1 0 0 1 ]', len(TRIANGLE) + 2, ('"normal N"', '"point3 P"')),
+        (TRIANGLE + ' "normal N" [ 0 0 1 0 .1 1 0 0 1 ]', len(TRIANGLE) + 2, ("smooth shading",)),
+        (TRIANGLE + ' "normal N" [ 0 0 1 0 0 -1 0 0 1 ]', len(TRIANGLE) + 2, ("smooth shading",)),
+        (TRIANGLE + ' "normal N" [ 0 0 1 ]', len(TRIANGLE) + 2, ("1 normals for 3 points",)),
+        (PATCH + ' "normal N" [ 0 0 1 0 0 1 0 0 1 0 0 1 ]', len(PATCH) + 2, ("normals of a bilinearmesh",)),
+        (TRIANGLE + ' "texture alpha" "holes"', len(TRIANGLE) + 2, ("alpha",)),
         (TRIANGLE + ' "point2 uv" [ 0 0 ]', len(TRIANGLE) + 2, ("1 texture coordinates for 3 points",)),
         (TRIANGLE + ' "float alpha" 0.5', len(TRIANGLE) + 2, ("alpha",)),
         ('Shape "trianglemesh" "point3 P" [ 0 0 0  1 0 0  0 1 nan ]', 53, ("nan",)),

@@ -162,3 +162,9 @@ def test_camera_may_mirror_and_scale_but_not_stretch() -> None:
     large = parse("Scale 4 4 4\n" + HEAD).camera
     np.testing.assert_allclose(large.camera_to_world, plain.camera_to_world, atol=1e-15)
     fails("Scale 1 2 1\n" + HEAD, 3, 1, "stretches")
+
+
+def test_many_turns_are_no_turn() -> None:
+    np.testing.assert_array_equal(rotate(360.0 * 2**40 + 90, 1.0, 2.0, 3.0).matrix, rotate(90.0, 1.0, 2.0, 3.0).matrix)
+    huge = rotate(1e200, 1.0, 2.0, 3.0).matrix[:3, :3]  # whatever it is, it is a rotation
+    np.testing.assert_allclose(huge.T @ huge, np.eye(3), atol=1e-14)

@@ -1,0 +1,63 @@
+"""The baseline as studies and records name it, what it depends on, and whether it can be had here.
+
+It stands among a study's estimators and is none of them: it has no samples, and no time makes its error less.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from pipeline.baseline.scene import refuses as refuses_scene
+from scenes.description import SceneDescription
+
+NAME = "pyrender"
+SAMPLER = "pixel-middle"
+BIAS = "rasterised: biased by the shadows and the sizes of lights that it leaves out"
+LIBRARIES = ("pyrender", "pyopengl", "trimesh", "numpy")
+SHARED = Path(__file__).parent.parent / "references" / "mitsuba_environment.py"  # reads environments
+
+# What each platform of OpenGL without a screen needs: one library of each group.
+NEEDED = {
+    "EGL": (("libEGL.so.1",), ("libOpenGL.so.0", "libGL.so.1")),
+    "OSMesa": (("libOSMesa.so.8", "libOSMesa.so.6"),),
+}
+REMEDY = "apt install libegl1 libopengl0 libgl1-mesa-dri"
+
+
+def refuses(scene: SceneDescription) -> str | None:
+    """Why there is no rasterised picture of the scene here, in one sentence, or None.
+
+    Libraries are only looked for: whether a picture can be drawn with them shows when it is drawn.
+    """
+    return missing() or refuses_scene(scene)
+
+
+@cache
+def missing() -> str | None:
+    """Which libraries of OpenGL without a screen this machine lacks, and how to get them; None if one platform has its own."""
+    lacking = [" or ".join(group) for group in NEEDED["EGL"] if not any(map(_loads, group))]
+    if not lacking or all(any(map(_loads, group)) for group in NEEDED["OSMesa"]):
+        return None
+    return f"{' and '.join(lacking)} cannot be loaded: {REMEDY}"
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+@cache
+def fingerprint() -> str:
+    """SHA-256 over the sources of the baseline, its shaders, and the versions of its libraries."""
+    digest = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
+    own = [path for path in Path(__file__).parent.rglob("*") if path.suffix in (".py", ".vert", ".frag")]
+    for path in sorted([*own, SHARED]):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()

@@ -1,0 +1,122 @@
+"""Running `worker` and taking what it drew."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.baseline import worker
+from pipeline.baseline.entry import REMEDY
+from pipeline.baseline.scene import convert
+from pipeline.baseline.task import Array, Task
+from pipeline.baseline.worker import TASKS, result_file
+from scenes.description import SceneDescription
+from scenes.errors import PenumbraError
+
+PLATFORMS = ("egl", "osmesa")  # OpenGL without a screen, in the order in which they are tried
+SECONDS = 600
+
+_Found = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """What pyrender drew.
+
+    image: (h, w, 3) linear radiance. depth: (h, w), along the view and in the scene's units, infinite where nothing is.
+    near, far: the depths of the clipping planes, in the same units. seconds, cpu: of drawing and reading back, warm; seconds_convert: of
+    making triangles; seconds_process: this picture's share of the whole process.
+    """
+
+    image: Array
+    depth: Array
+    near: float
+    far: float
+    seconds: float
+    cpu: float
+    seconds_convert: float
+    seconds_process: float
+    provenance: dict[str, str]
+
+
+def rasterise(scenes: Sequence[SceneDescription]) -> list[Raster]:
+    """Draw scenes with a point in place of each area light and without shadows, one sample in the middle of each pixel.
+
+    One process draws them all: its start takes a second or two, a picture a few hundredths. PenumbraError where a scene is
+    out of reach, see `scene.refuses`, and where OpenGL does not work here.
+    """
+    start = time.perf_counter()
+    tasks = tuple(convert(scene) for scene in scenes)
+    converted = time.perf_counter()
+    found, platform = _run(tasks)
+    shared = (converted - start) / len(tasks), (time.perf_counter() - converted) / len(tasks)
+    return [_raster(task, one, platform, *shared) for task, one in zip(tasks, found, strict=True)]
+
+
+def _raster(task: Task, found: _Found, platform: str, converting: float, process: float) -> Raster:
+    return Raster(
+        image=found["image"].astype(np.float64),
+        depth=found["depth"].astype(np.float64) * task.unit,
+        near=float(found["near"]) * task.unit,
+        far=float(found["far"]) * task.unit,
+        seconds=float(found["seconds"]),
+        cpu=float(found["cpu"]),
+        seconds_convert=converting,
+        seconds_process=process,
+        provenance=versions() | {"device": str(found["device"]), "platform": platform},
+    )
+
+
+def versions() -> dict[str, str]:
+    """The libraries that the image depends on."""
+    return {name: metadata.version(name) for name in ("pyrender", "pyopengl")}
+
+
+def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:
+    """What the worker wrote of each, and on which platform; PenumbraError with each platform's last words if none works."""
+    said: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="penumbra-pyrender-") as name:
+        folder = Path(name)
+        (folder / TASKS).write_bytes(pickle.dumps(tasks))
+        for platform in PLATFORMS:
+            failure = _try(folder, platform)
+            if failure is None:
+                return [_read(result_file(folder, number)) for number in range(len(tasks))], platform
+            said.append(f"{platform}: {failure}")
+    raise PenumbraError(f"pyrender cannot draw here ({'; '.join(said)}); {REMEDY}")
+
+
+def _read(path: Path) -> _Found:
+    with np.load(path, allow_pickle=False) as found:
+        return dict(found)
+
+
+def _try(folder: Path, platform: str) -> str | None:
+    """Draw on a platform; its last words if that fails."""
+    command = [sys.executable, "-m", worker.__name__, str(folder)]
+    try:
+        done = subprocess.run(
+            command, env=_environment(platform), capture_output=True, text=True, timeout=SECONDS, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return f"no answer in {SECONDS} s"
+    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    return None if done.returncode == 0 else lines[-1] if lines else f"ended with code {done.returncode}"
+
+
+def _environment(platform: str) -> dict[str, str]:
+    path = (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", ""))
+    one_thread = {"LP_NUM_THREADS": "0"}  # of Mesa's llvmpipe: times are those of one thread, as all of a run's are
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "PYOPENGL_PLATFORM": platform} | one_thread

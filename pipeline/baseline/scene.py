@@ -1,0 +1,82 @@
+"""SceneDescription -> what the worker draws: camera, surfaces, lamps, surroundings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.baseline.lamps import ambient, encloses, of_light, of_shape
+from pipeline.baseline.surfaces import View, mean_emission, surface, tessellate
+from pipeline.baseline.task import Array, Task
+from pipeline.references.mitsuba_environment import radiance
+from scenes.description import Environment, PerspectiveCamera, SceneDescription
+from scenes.errors import SceneError
+
+MOST_LAMPS = 32  # the least that every OpenGL 3.3 has room for among its shaders' constants is a few more
+
+
+def refuses(scene: SceneDescription) -> str | None:
+    """Why the scene cannot be rasterised, in one sentence, or None."""
+    lights = sum(shape.emission is not None for shape in scene.shapes) + len(scene.lights)
+    if lights > MOST_LAMPS:
+        return f"it has {lights} lights, and a shader here has room for {MOST_LAMPS}"
+    try:
+        make_view(scene.camera)
+    except SceneError as error:
+        return str(error)
+    return None
+
+
+def convert(scene: SceneDescription) -> Task:
+    """The scene as triangles and lights without size; SceneError where `refuses` says why not."""
+    if why := refuses(scene):
+        raise SceneError(f"{scene.name} cannot be rasterised: {why}", None)
+    view = make_view(scene.camera)
+    depths = [-view.points(tessellate(shape.geometry)[0])[..., 2] for shape in scene.shapes]
+    farthest = max((float(depth.max(initial=0.0)) for depth in depths), default=0.0)
+    view = replace(view, scale=1.0 / farthest if farthest > 0 else 1.0)
+    film = scene.film
+    lamps = [lamp for shape in scene.shapes for lamp in of_shape(shape, view)]
+    lamps += [lamp for light in scene.lights for lamp in of_light(light, view)]
+    skies = [light for light in scene.lights if isinstance(light, Environment)]
+    domes = [mean_emission(shape.emission) for shape in scene.shapes if encloses(shape) and shape.emission]
+    return Task(
+        film.width,
+        film.height,
+        2 * float(np.arctan(np.tan(np.radians(scene.camera.fov) / 2) * film.height / min(film.width, film.height))),
+        tuple(surface(shape, view) for shape in scene.shapes),
+        tuple(lamps),
+        np.sum([np.zeros(3), *(ambient(sky) for sky in skies), *domes], axis=0),
+        _background(scene, view, skies),
+        1.0 / view.scale,
+    )
+
+
+def make_view(camera: PerspectiveCamera) -> View:
+    """pbrt's camera as OpenGL's, which looks along its own -z; SceneError for one with shear or unequal scale.
+
+    Both have x to the right and y up in the image, so that turning z is all, and the mirroring that this is leaves angles
+    and lengths as they are. A scale of the camera only stretches its rays.
+    """
+    axes = camera.camera_to_world[:3, :3].T
+    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+    axes = axes / lengths
+    if np.ptp(lengths) > 1e-6 * lengths.max() or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
+        raise SceneError("the camera's transformation has shear or unequal scale, which OpenGL's camera cannot have")
+    return View(camera.camera_to_world[:3, 3], axes * np.array([[1.0], [1.0], [-1.0]]))
+
+
+def _background(scene: SceneDescription, view: View, skies: list[Environment]) -> Array:
+    """What is seen where no surface is, (h, w, 3), along the ray through each pixel's middle."""
+    w, h = scene.film.width, scene.film.height
+    image = np.zeros((h, w, 3))
+    if not skies:
+        return image
+    half = np.tan(np.radians(scene.camera.fov) / 2) / min(w, h)
+    x, y = (2 * np.arange(w) + 1 - w) * half, (h - 2 * np.arange(h) - 1) * half
+    rays = np.stack([*np.broadcast_arrays(x[None, :], y[:, None], -1.0)], axis=-1) @ view.axes
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    for sky in skies:
+        image += radiance(sky, rays @ sky.frame)
+    return image

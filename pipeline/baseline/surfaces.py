@@ -1,0 +1,129 @@
+"""Shapes as triangles with normals, and their materials as one colour each."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from pipeline.baseline.task import Array, Surface
+from scenes.description import (
+    BilinearMesh,
+    Checkerboard,
+    Conductor,
+    Disk,
+    Emission,
+    Geometry,
+    ImageTexture,
+    Material,
+    Mix,
+    Product,
+    ShapeDescription,
+    Sphere,
+    Texture,
+)
+
+SUBDIVISIONS = 5  # of an icosahedron: 20,480 triangles
+SPHERE_SAG = 3e-4  # of the radius: the most that such a triangle lies below its sphere (measured, 2.85e-4)
+SEGMENTS = 512  # of a disk's edge
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """From world space into that of an OpenGL camera. origin: (3,); axes: (3, 3), its rows right, up and backwards, unit."""
+
+    origin: Array
+    axes: Array
+    scale: float = 1.0
+
+    def points(self, p: Array) -> Array:
+        """World points (..., 3) as the camera has them."""
+        return self.vectors(p - self.origin) * self.scale
+
+    def vectors(self, v: Array) -> Array:
+        """World directions (..., 3), their lengths kept."""
+        return v @ self.axes.T
+
+
+def surface(shape: ShapeDescription, view: View) -> Surface:
+    """The shape as triangles in camera space, with its material."""
+    corners, normals = tessellate(shape.geometry)
+    color, roughness = _color(shape.material)
+    return Surface(
+        view.points(corners).reshape(-1, 3),
+        view.vectors(normals).reshape(-1, 3),
+        color,
+        np.zeros(3) if shape.emission is None else mean_emission(shape.emission),
+        shape.emission is not None and shape.emission.two_sided,
+        roughness,
+    )
+
+
+def tessellate(geometry: Geometry) -> tuple[Array, Array]:
+    """Corners and normals of triangles, (t, 3, 3) each, world space; normals on the side that would emit.
+
+    Spheres have their own normals at the corners, everything else the normal of each triangle.
+    """
+    match geometry:
+        case Sphere(center, radius, reverse):
+            unit = _sphere()
+            return center + radius * unit, -unit if reverse else unit
+        case Disk():
+            return _disk(geometry)
+        case _:
+            faces = geometry.faces
+            if isinstance(geometry, BilinearMesh):
+                faces = np.concatenate([faces[:, (0, 1, 3)], faces[:, (0, 3, 2)]])
+            corners = geometry.vertices[faces]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            length = np.linalg.norm(normals, axis=-1, keepdims=True)
+            whole = length[:, 0] > 0  # the others have no area, and no normal
+            normals = normals[whole] / length[whole] * (-1.0 if geometry.reverse else 1.0)
+            return corners[whole], np.repeat(normals[:, None], 3, axis=1)
+
+
+def _disk(disk: Disk) -> tuple[Array, Array]:
+    x = np.asarray(np.cross(disk.normal, np.eye(3)[np.argmin(np.abs(disk.normal))]), dtype=np.float64)
+    x /= np.linalg.norm(x)
+    angle = 2 * np.pi * np.arange(SEGMENTS + 1)[:, None] / SEGMENTS
+    rim = disk.center + disk.radius * (np.cos(angle) * x + np.sin(angle) * np.cross(disk.normal, x))
+    corners = np.stack([np.broadcast_to(disk.center, (SEGMENTS, 3)), rim[:-1], rim[1:]], axis=1)
+    return corners, np.broadcast_to(disk.normal, corners.shape)
+
+
+@functools.cache
+def _sphere() -> Array:
+    """Triangles (t, 3, 3) of the unit sphere."""
+    made = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)  # pyright: ignore[reportUnknownMemberType]
+    return np.asarray(made.vertices, dtype=np.float64)[np.asarray(made.faces)]
+
+
+def mean_emission(emission: Emission) -> Array:
+    """(3,) the mean radiance over the shape."""
+    return emission.radiance if emission.image is None else emission.radiance * emission.image.mean(axis=(0, 1))
+
+
+def _color(material: Material) -> tuple[Array, float | None]:
+    """Albedo, or reflectance at normal incidence and roughness."""
+    if isinstance(material, Conductor):
+        below, above = (material.eta - 1) ** 2 + material.k**2, (material.eta + 1) ** 2 + material.k**2
+        return below / above, material.alpha
+    return _mean(material.reflectance), None
+
+
+def _mean(texture: Texture) -> Array:
+    """(3,) the mean of a texture: exact for one image or checkerboard, and where what is multiplied does not vary together."""
+    match texture:
+        case ImageTexture():
+            return texture.image.mean(axis=(0, 1))
+        case Checkerboard():
+            return (_mean(texture.first) + _mean(texture.second)) / 2
+        case Product():
+            return _mean(texture.first) * _mean(texture.second)
+        case Mix():
+            amount = _mean(texture.amount)
+            return (1 - amount) * _mean(texture.first) + amount * _mean(texture.second)
+        case _:
+            return texture

@@ -1,0 +1,172 @@
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportPrivateUsage=false, reportMissingImports=false
+"""Rasterises tasks with pyrender, in a process of its own: `python -m pipeline.baseline.worker FOLDER`.
+
+The only import of pyrender and PyOpenGL: which library PyOpenGL loads is told by an environment variable at its import, and
+an OpenGL context belongs to a thread. FOLDER holds tasks.pickle and gets one file for each of them.
+
+pyrender brings the scene to the graphics library, and draws it. Three things of its own are put aside, because they would be
+errors in the measurement: its shader (see shaders/mesh.frag); its framebuffer of 8 bits and four samples a pixel, in whose place come
+32-bit floats, one sample at the middle of each pixel; and its limit of 4 lights of a kind.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+import time
+import types
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.baseline.task import Array, Lamp, Surface, Task
+
+TASKS = "tasks.pickle"
+NEAREST = 1e-5  # of the farthest depth: what is nearer is cut off
+MARGIN = 0.5  # the near plane of the image, of the least depth that was seen with the plane at NEAREST
+FARTHEST = 2.0  # the far plane, of the farthest corner: that corner's depth in the buffer is then 5e-6 below 1 at worst, and 1 is nothing
+REPEATS = 5  # timed draws, of which the median tells the time
+SHADERS = Path(__file__).parent / "shaders"
+
+
+def result_file(folder: Path, number: int) -> Path:
+    """Where the result of task `number` is left."""
+    return folder / f"{number}.npz"
+
+
+def main(folder: Path) -> None:
+    """Draw the tasks in `folder`, one after the other."""
+    tasks: tuple[Task, ...] = pickle.loads((folder / TASKS).read_bytes())
+    for number, task in enumerate(tasks):
+        canvas = _Canvas(task)
+        np.savez(result_file(folder, number), allow_pickle=False, **_draw(task, canvas))
+        canvas.offscreen.delete()
+
+
+def _draw(task: Task, canvas: _Canvas) -> dict[str, Any]:
+    """Draw once to find the near plane, once to warm up, and then timed."""
+    _, first = canvas.draw(NEAREST)
+    seen = first[np.isfinite(first)]
+    near = max(NEAREST, MARGIN * float(seen.min())) if seen.size else NEAREST
+    canvas.draw(near)
+    laps: list[tuple[float, float]] = []
+    image, depth = task.background, first
+    for _ in range(REPEATS):
+        start, cpu = time.perf_counter(), time.process_time()
+        image, depth = canvas.draw(near)
+        laps.append((time.perf_counter() - start, time.process_time() - cpu))
+    seconds, cpu = np.median(laps, axis=0)
+    image = np.where(np.isfinite(depth)[..., None], image, task.background)
+    times = {"seconds": seconds, "cpu": cpu}
+    return {"image": image, "depth": depth, "near": near, "far": FARTHEST, "device": canvas.device, **times}
+
+
+class _Canvas:
+    """A task's scene as pyrender's, its context and its framebuffer."""
+
+    def __init__(self, task: Task) -> None:
+        # pyrender's window comes with its package, and wants X11 and a screen's OpenGL, which nothing here opens.
+        sys.modules["pyrender.viewer"] = _no_viewer()
+        import pyrender
+        import pyrender.renderer
+        from OpenGL import GL
+        from pyrender.shader_program import ShaderProgramCache
+
+        self.gl, self.size = GL, (task.width, task.height)
+        pyrender.renderer.MAX_N_LIGHTS = max(4, len(task.lamps))
+        self.offscreen = pyrender.OffscreenRenderer(task.width, task.height)  # keeps the context alive
+        self.renderer: Any = self.offscreen._renderer
+        self.renderer._program_cache = ShaderProgramCache(str(SHADERS))
+        self.renderer._main_fb, self.renderer._main_fb_ms = self._framebuffer(), self._framebuffer()
+        self.renderer._main_fb_dims = self.size
+        self.flags = pyrender.RenderFlags.OFFSCREEN
+        self.camera = pyrender.PerspectiveCamera(task.yfov, aspectRatio=task.width / task.height, zfar=FARTHEST)
+        self.scene = _scene(pyrender, task, self.camera)
+        self.device = str(GL.glGetString(GL.GL_RENDERER), "utf-8")  # pyright: ignore[reportArgumentType]
+
+    def _framebuffer(self) -> int:
+        """A framebuffer of 32-bit floats, colour and depth, one sample a pixel."""
+        gl = self.gl
+        made = gl.glGenFramebuffers(1)
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, made)
+        for form, attachment in (
+            (gl.GL_RGBA32F, gl.GL_COLOR_ATTACHMENT0),
+            (gl.GL_DEPTH_COMPONENT32F, gl.GL_DEPTH_ATTACHMENT),
+        ):
+            buffer = gl.glGenRenderbuffers(1)
+            gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, buffer)
+            gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, form, *self.size)
+            gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, attachment, gl.GL_RENDERBUFFER, buffer)
+        if gl.glCheckFramebufferStatus(gl.GL_FRAMEBUFFER) != gl.GL_FRAMEBUFFER_COMPLETE:
+            raise RuntimeError("this OpenGL draws no images of 32-bit floats")
+        return made
+
+    def draw(self, near: float) -> tuple[Array, Array]:
+        """The image (h, w, 3) and the depths along the view (h, w), infinite where nothing is."""
+        self.camera.znear = near
+        self.renderer.render(self.scene, self.flags)  # leaves its framebuffer bound for reading
+        gl, (width, height) = self.gl, self.size
+        image = gl.glReadPixels(0, 0, width, height, gl.GL_RGB, gl.GL_FLOAT)
+        buffer = gl.glReadPixels(0, 0, width, height, gl.GL_DEPTH_COMPONENT, gl.GL_FLOAT)
+        image = np.asarray(image, dtype=np.float64).reshape(height, width, 3)[::-1]
+        d = np.asarray(buffer, dtype=np.float64).reshape(height, width)[::-1]
+        return image, np.where(d < 1.0, near * FARTHEST / (FARTHEST - d * (FARTHEST - near)), np.inf)
+
+
+def _no_viewer() -> types.ModuleType:
+    module = types.ModuleType("pyrender.viewer")
+    module.__dict__["Viewer"] = None
+    return module
+
+
+def _scene(pyrender: Any, task: Task, camera: Any) -> Any:
+    scene = pyrender.Scene(bg_color=np.zeros(4), ambient_light=task.ambient)
+    scene.add(camera, pose=np.eye(4))
+    for surface in task.surfaces:
+        scene.add(_mesh(pyrender, surface))
+    for lamp in task.lamps:
+        scene.add(_light(pyrender, lamp), pose=_pose(lamp))
+    return scene
+
+
+def _mesh(pyrender: Any, surface: Surface) -> Any:
+    metal = surface.roughness is not None
+    material = pyrender.MetallicRoughnessMaterial(
+        baseColorFactor=np.append(surface.color, 0.0 if surface.two_sided else 1.0),
+        metallicFactor=float(metal),
+        roughnessFactor=surface.roughness if metal else 1.0,
+        emissiveFactor=surface.emission,
+        doubleSided=True,
+    )
+    return pyrender.Mesh(
+        [pyrender.Primitive(positions=surface.positions, normals=surface.normals, material=material, mode=4)]
+    )
+
+
+def _light(pyrender: Any, lamp: Lamp) -> Any:
+    """pyrender's light; what stands in its fields is told in shaders/mesh.frag."""
+    if lamp.kind == "point":
+        return pyrender.PointLight(color=lamp.power)
+    if lamp.kind == "distant":
+        return pyrender.DirectionalLight(color=lamp.power)
+    flat = lamp.kind == "flat"
+    return pyrender.SpotLight(
+        color=lamp.power, intensity=float(flat), innerConeAngle=lamp.falloff, outerConeAngle=lamp.cone
+    )
+
+
+def _pose(lamp: Lamp) -> Array:
+    """The transformation (4, 4) that puts a light at its place and turns its -z the way it shines."""
+    z = -lamp.axis
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    result = np.eye(4)
+    result[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    result[:3, 3] = lamp.position
+    return result
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

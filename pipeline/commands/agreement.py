@@ -1,0 +1,121 @@
+"""`penumbra agreement`: all estimators of a scene against each other and against a reference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions
+
+if TYPE_CHECKING:
+    from pipeline.agreement import Agreement
+    from pipeline.commands.console import Speaker
+    from pipeline.references.protocol import ReferenceImage
+    from scenes import SceneDescription
+
+NONE = "none"
+
+
+def agreement(
+    scene: SceneName,
+    estimator: Annotated[
+        list[str] | None, typer.Option(help="One to compare; may be repeated. All that are unbiased, if not given.")
+    ] = None,
+    spp: Annotated[int, typer.Option(help="Samples a pixel of each estimator, 16 at least.")] = 64,
+    seed: Annotated[int, typer.Option(help="0 or more.")] = 0,
+    alpha: Annotated[float, typer.Option(help="Chance of a false alarm anywhere in the matrix.")] = 0.01,
+    backend: Annotated[str, typer.Option("--reference", help=f"See `penumbra list backends`; or {NONE}.")] = "mitsuba",
+    reference_spp: Annotated[int, typer.Option(help="Samples a pixel of the reference.")] = 1024,
+    cache: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
+    ] = None,
+    define: Define = None,
+    threads: Annotated[int, typer.Option(help="Threads; the images are the same for any number.")] = 1,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Render a scene with every unbiased estimator and compare all pairs; exit code 1 if any two differ.
+
+    Examples:
+
+      penumbra agreement soft-shadow
+
+      penumbra agreement touching-light -D gap=0.1 --spp 256 --reference closed-form --json
+    """
+    from pipeline.agreement import agreement as agree
+    from pipeline.commands.console import Speaker
+    from renderer.estimators.protocol import ESTIMATORS
+    from scenes import load
+    from scenes.errors import PenumbraError
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    if not 0 < alpha < 1:
+        raise PenumbraError(f"--alpha is {alpha:g}: give a chance between 0 and 1")
+    if threads < 1:
+        raise PenumbraError(f"threads is {threads}: give at least 1")
+    description = load(scene, definitions(define))
+    truth = None if backend == NONE else _reference(description, backend, reference_spp, cache, speaker)
+    with speaker.step(f"render {scene}", len(estimator or ESTIMATORS.names())) as update:
+        found = agree(
+            description,
+            estimators=estimator,
+            spp=spp,
+            seed=seed,
+            alpha=alpha,
+            threads=threads,
+            reference=truth,
+            update=update,
+        )
+    _tell(speaker, found)
+    if not found.agree:
+        raise typer.Exit(1)
+
+
+def _reference(
+    scene: SceneDescription, backend: str, spp: int, cache: Path | None, speaker: Speaker
+) -> tuple[str, ReferenceImage] | None:
+    """The reference, or None with a note where the backend cannot make one: the estimators still have each other."""
+    from pipeline.backends import BACKENDS
+    from pipeline.commands.reference import default_cache
+    from pipeline.references.cache import reference_for
+    from pipeline.references.protocol import ReferenceRequest
+    from scenes.errors import PenumbraError
+
+    if why := BACKENDS[backend].refuses(scene):
+        speaker.note(f"no {backend} reference: {why}")
+        return None
+    if spp < 64:
+        raise PenumbraError(f"--reference-spp is {spp}: at least 64, one for each batch")
+    with speaker.step(f"reference by {backend}", 1) as update:
+        request = ReferenceRequest(spp=spp, batches=64)
+        return backend, reference_for(scene, backend, request, cache or default_cache(), update).image
+
+
+def _tell(speaker: Speaker, found: Agreement) -> None:
+    speaker.json(found.model_dump(mode="json"))
+    members = [
+        (m.name, m.verdict, "-" if m.verdict == "refused" else f"{m.mean:.6g} +- {m.se:.2g}", m.reason)
+        for m in found.members
+    ]
+    speaker.table(("estimator", "samples", "image mean +- se", "why"), members, f"{found.scene}, {found.spp} spp")
+    pairs = [
+        (
+            p.a,
+            p.b,
+            f"{p.difference:+.3%}",
+            f"{p.low:+.3%} to {p.high:+.3%}",
+            f"{p.p:.2g}",
+            f"{p.smallest_detectable:.2%}",
+            "agree" if p.agree else "DIFFER",
+        )
+        for p in found.pairs
+    ]
+    headings = ("a", "b", "(a - b) / b", "95 % interval", "p", "smallest bias seen", "verdict")
+    speaker.table(headings, pairs, "image means; the verdict also takes 4 x 4 regions")
+    count = sum(not p.agree for p in found.pairs)
+    speaker.line(
+        f"all {len(found.pairs)} pairs agree" if found.agree else f"{count} of {len(found.pairs)} pairs DIFFER"
+    )

@@ -1,0 +1,75 @@
+"""`penumbra baseline`: the scene rasterised by pyrender, the cheap end of every chart of error against time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, definitions, image_target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.baseline.process import Raster
+
+
+def baseline(
+    scene: SceneName,
+    output: Output,
+    define: Define = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Rasterise a scene: a point in place of each area light, no shadows, one sample in the middle of each pixel.
+
+    An EXR has the linear image and its depth along the view (channel Z, infinite where nothing is). The image is biased by
+    what it leaves out: compare it with a reference to see what that costs.
+
+    Examples:
+
+      penumbra baseline soft-shadow -o rasterised.exr
+
+      penumbra baseline sphere-light -o rasterised.png --json
+    """
+    from pipeline.baseline.entry import BIAS
+    from pipeline.baseline.process import rasterise
+    from pipeline.commands.console import Speaker
+    from scenes import load
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    target, description = image_target(output), load(scene, definitions(define))
+    with speaker.step(f"rasterise {scene}", 1) as update:
+        (drawn,) = rasterise([description])
+        update(1)
+    _write(target, drawn, description.content_hash())
+    height, width = drawn.depth.shape
+    device = drawn.provenance["device"]
+    speaker.line(
+        f"{target}: {width} x {height} by pyrender on {device}; {drawn.seconds:.4f} s drawn, {drawn.seconds_process:.1f} s with its start"
+    )
+    speaker.line(BIAS)
+    speaker.json(
+        {
+            "output": str(target),
+            "scene": scene,
+            "mean": drawn.image.mean(axis=(0, 1)).tolist(),
+            "seconds": {
+                "render": drawn.seconds,
+                "cpu": drawn.cpu,
+                "convert": drawn.seconds_convert,
+                "process": drawn.seconds_process,
+            },
+            "clip": {"near": drawn.near, "far": drawn.far},
+            "bias": BIAS,
+            "provenance": drawn.provenance,
+        }
+    )
+
+
+def _write(target: Path, drawn: Raster, scene_hash: str) -> None:
+    from scenes.images import write_exr, write_png
+
+    if target.suffix == ".png":
+        write_png(target, drawn.image)
+        return
+    channels = {name: drawn.image[..., c] for c, name in enumerate("RGB")} | {"Z": drawn.depth}
+    write_exr(target, channels, {"scene": scene_hash, **drawn.provenance})

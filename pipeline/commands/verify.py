@@ -1,0 +1,144 @@
+"""`penumbra verify`: is an estimator unbiased on a scene, and how sure is that?"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions
+from pipeline.commands.reference import default_cache
+
+if TYPE_CHECKING:
+    from pipeline.commands.console import Speaker
+    from pipeline.references.cache import StoredReference
+    from pipeline.verify import Trial, Verification
+    from scenes import SceneDescription
+
+AT_LEAST = 1024  # samples a pixel of a reference
+TIMES = 16  # the samples of the render, so that the reference's noise is a small part of the comparison's
+
+
+def verify(
+    scene: SceneName,
+    estimator: Annotated[str, typer.Option(help="See `penumbra list estimators`.")],
+    define: Define = None,
+    sampler: Annotated[str, typer.Option(help="Others than independent are rendered 32 times over.")] = "independent",
+    spp: Annotated[int, typer.Option(help="Samples a pixel.")] = 64,
+    seed: Annotated[int, typer.Option(help="0 or more; the reference has its own.")] = 1,
+    alpha: Annotated[float, typer.Option(help="Chance of a false alarm, all tests together.")] = 1e-3,
+    bias: Annotated[
+        float, typer.Option(help="Share of the image mean that must have been caught for a verdict of unbiased.")
+    ] = 0.01,
+    correction: Annotated[str, typer.Option(help="Of the single pixels: sidak or bh (Benjamini-Hochberg).")] = "sidak",
+    reference: Annotated[str, typer.Option(metavar="BACKEND", help="See `penumbra list backends`.")] = "mitsuba",
+    reference_spp: Annotated[
+        int | None, typer.Option(help="Samples a pixel of the reference; 16 times those of the render if not given.")
+    ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 unless the verdict is unbiased.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Test an estimator against a reference: image mean, a grid, regions of the picture, single pixels.
+
+    The verdict is unbiased, biased (exit code 1), untrustworthy (its samples have no standard error to test by) or inconclusive (too
+    few samples: see --bias). Each test says the smallest bias of the whole image that it would have caught.
+
+    Examples:
+
+      penumbra verify soft-shadow --estimator solid-angle
+
+      penumbra verify touching-light --estimator area -D gap=0.001 --reference closed-form --json
+    """
+    from pipeline.commands.console import Speaker
+    from pipeline.verify import Trial, region_masks
+    from pipeline.verify import verify as run
+    from renderer import build
+    from renderer.estimators.protocol import ESTIMATORS
+    from scenes import load
+    from scenes.errors import PenumbraError
+
+    speaker = Speaker(as_json=as_json, quiet=quiet)
+    if correction not in ("sidak", "bh"):
+        raise PenumbraError(f"unknown correction {correction!r}; allowed: sidak, bh")
+    trial = Trial(estimator, sampler, spp, seed, alpha, bias, correction)  # pyright: ignore[reportArgumentType]
+    description = load(scene, definitions(define))
+    why = ESTIMATORS[estimator].refuses(description)
+    if why:
+        raise PenumbraError(f"estimator {estimator!r} does not apply to scene {scene!r}: {why}")
+    built, threads = build(description), os.cpu_count() or 1
+    stored = _reference(description, trial, reference, reference_spp, cache or default_cache(), speaker)
+    parts = region_masks(built, threads)
+    with speaker.step(f"render {scene}", 1) as update:
+        found = run(built, trial, stored.image, parts, threads, update)
+    _tell(speaker, scene, trial, found, stored)
+    if found.verdict == "biased" or (strict and found.verdict != "unbiased"):
+        raise typer.Exit(1)
+
+
+def _reference(
+    scene: SceneDescription, trial: Trial, backend: str, spp: int | None, folder: Path, speaker: Speaker
+) -> StoredReference:
+    """The reference, kept in the folder; PenumbraError where it is made by what it is to judge."""
+    from pipeline.backends import BACKENDS
+    from pipeline.references.cache import reference_for
+    from pipeline.references.protocol import ReferenceRequest
+    from pipeline.self_reference import judges_itself
+    from renderer.estimators.protocol import ESTIMATORS
+    from scenes.errors import PenumbraError
+
+    why = judges_itself(BACKENDS[backend].name, trial.estimator)
+    if why:
+        raise PenumbraError(why)
+    wanted = max(AT_LEAST, TIMES * trial.spp) if spp is None else spp
+    quantity: Any = ESTIMATORS[trial.estimator].quantity
+    with speaker.step(f"{backend} {scene.name}", 1) as update:
+        return reference_for(scene, backend, ReferenceRequest(wanted, quantity=quantity), folder, update)
+
+
+def _tell(speaker: Speaker, scene: str, trial: Trial, found: Verification, stored: StoredReference) -> None:
+    tests = found.tests
+    rows = [
+        (
+            test.name,
+            f"{test.comparisons:,}",
+            f"{test.p:.3g}",
+            f"{test.effect:+.3%}",
+            f"{test.smallest_detectable:.3%}" if test.smallest_detectable < float("inf") else "-",
+            "differs" if test.reject else "agrees",
+        )
+        for test in tests
+    ]
+    speaker.table(("test", "comparisons", "p", "worst difference", "bias it would have caught", "result"), rows)
+    speaker.line(f"{scene}, {trial.estimator}: {found.verdict}: {found.reason}")
+    image = stored.image
+    speaker.json(
+        {
+            "scene": scene,
+            "estimator": trial.estimator,
+            "verdict": found.verdict,
+            "reason": found.reason,
+            "tests": [
+                {
+                    "name": test.name,
+                    "p": test.p,
+                    "effect": test.effect,
+                    "smallest_detectable": test.smallest_detectable,
+                    "comparisons": test.comparisons,
+                    "rejects": test.reject,
+                }
+                for test in tests
+            ],
+            "level": found.level,
+            "sampler": trial.sampler,
+            "spp": trial.spp,
+            "seed": trial.seed,
+            "reference": {"backend": stored.backend, "spp": image.spp, "batches": image.batches},
+        }
+    )

@@ -1,0 +1,32 @@
+"""Means of absolute differences, plain or relative: no variance can be subtracted from them, so that noise makes them bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.metrics.protocol import Estimate, Image, Mask, Measured, Reference, measured
+from pipeline.metrics.spread import scale_interval, standard_error
+from pipeline.metrics.squared_error import BELOW_NOISE, noise_limit, squared_error
+from pipeline.metrics.undefined import defect, undefined
+from pipeline.record import Score
+
+
+def absolute_score(metric: str, estimate: Estimate, reference: Reference, weight: Image | float = 1.0) -> Measured:
+    """Mean over pixels and channels of |estimate - reference| * weight, with its interval.
+
+    The reference's noise is in it and only ever adds to its expectation (a mean of |d + e| over errors e of mean 0 is no less than |d|), by at
+    most 5 % where the reference's variance is a tenth of the squared error; beyond that the upper end is given, as a bound.
+    """
+    if note := defect(estimate, reference):
+        return undefined(metric, note)
+    pixel: Image = np.mean(np.abs(estimate.mean - reference.mean) * weight, axis=-1)
+    squared = (weight * weight) if isinstance(weight, float) else weight**2
+
+    def over(mask: Mask) -> Score:
+        value = float(np.mean(pixel[mask]))
+        low, high = scale_interval(value, standard_error(pixel, mask))
+        if value > 0 and noise_limit(squared_error(estimate, reference, squared, mask)):
+            return Score(metric=metric, value=high, low=0.0, high=high, bound=True, note=BELOW_NOISE)
+        return Score(metric=metric, value=value, low=low, high=high)
+
+    return measured(pixel.shape, over, pixel)

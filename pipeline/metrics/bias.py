@@ -1,0 +1,58 @@
+"""Mean signed error: what is left of an error when noise averages out."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.metrics.spread import standard_error
+from pipeline.metrics.undefined import defect, undefined
+from pipeline.record import Score
+from pipeline.statistics.intervals import NORMAL
+
+
+@final
+class Bias:
+    """Mean over pixels and channels of estimate - reference, in radiance: 0 for an unbiased estimator, up to its interval.
+
+    The interval is normal, from the variances of both sides where both are known, channels taken as fully correlated; without the
+    estimate's, from the spread of differences among neighbours (spread.py), which holds the reference's noise too. A
+    deterministic reference widens it by its mean error bound. A test of the null hypothesis is `penumbra verify`'s.
+    """
+
+    name = "bias"
+    title = "Bias (mean signed error)"
+    unit = "W/(m² sr)"
+    better: Better = "zero"
+    judges: Judges = "bias"
+    source = "[pharr2023] sec. 2.1.4"
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
+        """Score with its interval; map (h, w): mean signed difference over channels."""
+        if note := defect(estimate, reference):
+            return undefined(self.name, note)
+        pixel: Image = np.mean(estimate.mean - reference.mean, axis=-1)
+        deviation = np.mean(np.sqrt(reference.variance), axis=-1)
+
+        def over(mask: Mask) -> Score:
+            value, truth = float(np.mean(pixel[mask])), float(np.mean(reference.mean[mask]))
+            half = _half(estimate, reference, pixel, deviation, mask)
+            note = f"{value / truth:+.3%} of the reference's mean" if truth else ""
+            return Score(metric=self.name, value=value, low=value - half, high=value + half, note=note)
+
+        return measured(pixel.shape, over, pixel)
+
+
+def _half(estimate: Estimate, reference: Reference, pixel: Image, deviation: Image, mask: Mask) -> float:
+    """Half of the interval. pixel, deviation (of the reference), mask: (h, w)."""
+    bound = float(np.mean(deviation[mask])) if reference.batches == 0 else 0.0
+    if estimate.variance is None or not np.isfinite(estimate.variance[mask]).all():
+        return NORMAL * standard_error(pixel, mask) + bound
+    own = np.mean(np.sqrt(estimate.variance), axis=-1)[mask] ** 2
+    other = deviation[mask] ** 2 if reference.batches else np.zeros_like(own)
+    return NORMAL * float(np.sqrt(np.sum(own + other))) / own.size + bound
+
+
+METRICS.add("bias", Bias())

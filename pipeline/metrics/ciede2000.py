@@ -1,0 +1,63 @@
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+"""CIEDE2000: the difference of colours as displayed, pixel by pixel (colour-science)."""
+
+from __future__ import annotations
+
+import warnings
+from typing import final
+
+import numpy as np
+
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.metrics.spread import scale_interval, standard_error
+from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE
+from pipeline.metrics.tone import displayed, exposure, shown_noise
+from pipeline.metrics.undefined import defect, undefined
+from pipeline.record import Score
+
+
+@final
+class Ciede2000:
+    """Mean over pixels of the CIEDE2000 colour difference [sharma2005] of the pictures as displayed, white point D65.
+
+    Exposed for the reference, sRGB, clipped to [0, 1]. About 1 is just noticeable side by side. It looks at pixels, not at what
+    surrounds them, so that fine noise counts as much as a shift of the same size; `flip` blurs as an eye does.
+    """
+
+    name = "ciede2000"
+    title = "CIEDE2000 (sRGB, exposed for the reference)"
+    unit = "ΔE00"
+    better: Better = "lower"
+    judges: Judges = "error"
+    source = "[sharma2005]; colour-science, delta_E_CIE2000"
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
+        """Score with its interval, an upper bound where the reference's noise hides more; map (h, w) of the difference."""
+        if note := defect(estimate, reference):
+            return undefined(self.name, note)
+        scale = exposure(reference.mean)
+        shown, truth = displayed(estimate.mean, scale), displayed(reference.mean, scale)
+        pixel, squared = _difference(shown, truth), np.mean((shown - truth) ** 2, axis=-1)
+
+        def over(mask: Mask) -> Score:
+            value, note = float(np.mean(pixel[mask])), f"exposure {scale:.4g}"
+            low, high = scale_interval(value, standard_error(pixel, mask))
+            if value > 0 and shown_noise(reference, scale, mask) > NOISE_SHARE * float(np.mean(squared[mask])):
+                note = f"{note}; {BELOW_NOISE}"
+                return Score(metric=self.name, value=high, low=0.0, high=high, bound=True, note=note)
+            return Score(metric=self.name, value=value, low=low, high=high, note=note)
+
+        return measured(pixel.shape, over, pixel)
+
+
+def _difference(shown: Image, truth: Image) -> Image:
+    """(h, w) colour differences of sRGB-encoded images (h, w, 3)."""
+    # Imported here: it takes a second, and it warns of the plotting library that it could use and nothing here needs.
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message='.*"Matplotlib" related API')
+        import colour
+    left, right = (colour.XYZ_to_Lab(colour.sRGB_to_XYZ(image)) for image in (shown, truth))
+    return np.asarray(colour.difference.delta_E_CIE2000(left, right), dtype=np.float64)
+
+
+METRICS.add("ciede2000", Ciede2000())

@@ -1,0 +1,55 @@
+"""The largest sample's share in all reflected light: whether one lucky draw carries the image."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.metrics.undefined import same_size, undefined
+from pipeline.record import Score
+from pipeline.statistics.heavy_tail import SHARE_LIMIT
+
+
+@final
+class LargestShare:
+    """The largest sample of reflected light over the sum of all, in the channel where that is greatest, 0 to 1.
+
+    From a tenth on a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds their largest reflected sample
+    see a light directly and are left out. A share is a property of this draw and has no interval; a small one proves
+    nothing, as the samples that matter may not have been drawn yet: the verdict in the record asks Hill's index too [hill1975].
+    """
+
+    name = "largest-share"
+    title = "Largest sample's share"
+    unit = "1"
+    better: Better = "lower"
+    judges: Judges = "samples"
+    source = "statistics/heavy_tail.py"
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
+        """Score; map (h, w): what each pixel's own largest sample is of all the reflected light, the greatest over channels."""
+        same_size(estimate, reference)
+        if estimate.maximum is None or estimate.count is None:
+            return undefined(self.name, "an image alone does not tell its samples")
+        largest, count = estimate.maximum, estimate.count[..., None]
+        if not (np.isfinite(largest).all() and np.isfinite(estimate.mean).all()):
+            bad = int(np.count_nonzero(~np.isfinite(estimate.mean + largest).all(axis=-1)))
+            return undefined(self.name, f"{bad:,} of {count.size:,} pixels of the estimate are not finite")
+        reflected = estimate.mean <= largest
+        light = np.where(reflected, estimate.mean * count, 0.0)
+        peak = np.where(reflected, largest, 0.0)
+
+        def over(mask: Mask) -> Score:
+            total, top = np.sum(light[mask], axis=0), np.max(peak[mask], axis=0)
+            share = float(np.max(np.divide(top, total, out=np.zeros_like(top), where=total > 0)))
+            note = f"one sample carries {share:.0%} of the light" if share > SHARE_LIMIT else ""
+            return Score(metric=self.name, value=share, note=note)
+
+        total = np.sum(light, axis=(0, 1))
+        own = np.divide(peak, total, out=np.zeros_like(peak), where=total > 0)
+        return measured(own.shape, over, np.max(own, axis=-1))
+
+
+METRICS.add("largest-share", LargestShare())

@@ -1,0 +1,65 @@
+"""Umbra leak: light where there is none, the truth being exactly 0."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.metrics.spread import scale_interval, standard_error
+from pipeline.metrics.undefined import defect, undefined
+from pipeline.record import Score
+from pipeline.statistics.numerics import box_maximum
+
+
+@final
+class UmbraLeak:
+    """Sum of |estimate| over the pixels in the umbra, over the sum of the reference over the whole image: 0 for a correct shadow test.
+
+    Every sample in the umbra is blocked, so that any light there is an error of the renderer (an epsilon, a light that shines
+    through what it touches), and no noise. The umbra is that of the visibility pass (pipeline/regions.py) where the reference is black too; without one,
+    the pixels that are black in the reference, as are all their neighbours, and whose variance is 0.
+    """
+
+    name = "umbra-leak"
+    title = "Umbra leak"
+    unit = "of the light"
+    better: Better = "lower"
+    judges: Judges = "defects"
+    source = "this program's own"
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
+        """Score with its interval; map (h, w): |estimate| in the umbra, mean over channels, 0 elsewhere. Undefined without an umbra."""
+        if note := defect(estimate, reference):
+            return undefined(self.name, note)
+        umbra = black(reference) if reference.umbra is None else reference.umbra
+        if not umbra.any():
+            return undefined(self.name, "no pixel is in the umbra")
+        leak = np.where(umbra, np.mean(np.abs(estimate.mean), axis=-1), 0.0)
+        light = float(np.sum(np.mean(np.abs(reference.mean), axis=-1)))
+
+        def over(mask: Mask) -> Score:
+            inside = mask & umbra
+            if not inside.any():
+                return Score(metric=self.name, value=None, note="no pixel of this region is in the umbra")
+            value, pixels = float(np.mean(leak[inside])), int(np.count_nonzero(inside))
+            if value == 0.0:
+                return Score(metric=self.name, value=0.0, low=0.0, high=0.0, note=f"{pixels:,} pixels")
+            if light == 0.0:
+                return Score(metric=self.name, value=None, note="the reference is black: no light to take a share of")
+            low, high = scale_interval(value, standard_error(leak, inside))
+            share = pixels / light
+            note = f"{pixels:,} pixels, {np.count_nonzero(leak[inside]):,} of them lit"
+            return Score(metric=self.name, value=value * share, low=low * share, high=high * share, note=note)
+
+        return measured(leak.shape, over, leak)
+
+
+def black(reference: Reference) -> Mask:
+    """(h, w): the pixels where the reference is 0 for certain, and all pixels around it as well."""
+    lit = ((reference.mean != 0) | (reference.variance > 0)).any(axis=-1)
+    return box_maximum(lit.astype(np.float64), 3) == 0.0
+
+
+METRICS.add("umbra-leak", UmbraLeak())

@@ -1,0 +1,99 @@
+"""The batches of a reference that is not finished yet, in one file that is always whole."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import os
+import time
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.references.tally import Tally
+from scenes.description import Film
+from scenes.errors import PenumbraError
+
+log = logging.getLogger("penumbra")
+
+SAVE_EVERY = 1.0  # seconds
+SAVE_SHARE = 10.0  # and at least so many times as long as saving takes
+SEAL = 32  # bytes of SHA-256 before the .npz
+
+
+@dataclass
+class Unfinished:
+    """The file of an unfinished reference: read once, then saved to now and then, and whenever it is told to.
+
+    path: of the file. last: what is not saved yet. next_save: when to, by time.monotonic().
+    """
+
+    path: Path
+    last: Tally | None = None
+    next_save: float = field(default_factory=lambda: time.monotonic() + SAVE_EVERY)
+
+    def read(self, film: Film) -> Tally | None:
+        """What an interrupted call left, None if there is nothing or nothing whole."""
+        if not self.path.is_file():
+            return None
+        try:
+            return _parse(self.path.read_bytes(), (film.height, film.width, 3))
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            log.warning("the unfinished reference %s is damaged (%s); it will be made again", self.path, error)
+            return None
+
+    def keep(self, tally: Tally) -> None:
+        """Take note of a finished batch; save if it is time."""
+        self.last = tally
+        start = time.monotonic()
+        if start >= self.next_save:
+            self.save()
+            self.next_save = time.monotonic() + max(SAVE_EVERY, SAVE_SHARE * (time.monotonic() - start))
+
+    def save(self) -> None:
+        """Write what is not written yet, atomically."""
+        tally, self.last = self.last, None
+        if tally is None:
+            return
+        numbers = {"spp": tally.spp, "batches": tally.batches, "seconds": tally.seconds}
+        content = to_npz({"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in numbers.items()})
+        draft = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        try:
+            draft.write_bytes(hashlib.sha256(content).digest() + content)
+            draft.replace(self.path)
+        except OSError as error:
+            raise PenumbraError(f"{self.path}: cannot be written: {error.strerror}") from error
+
+    def remove(self) -> None:
+        """Once the reference is stored."""
+        self.path.unlink(missing_ok=True)
+
+
+def _parse(data: bytes, shape: tuple[int, int, int]) -> Tally:
+    """ValueError and the like where `data` is not what was saved."""
+    content = data[SEAL:]
+    if hashlib.sha256(content).digest() != data[:SEAL]:
+        raise ValueError("it does not match its checksum")
+    arrays = from_npz(content)
+    if arrays["mean"].shape != shape:
+        raise ValueError(f"it is of size {arrays['mean'].shape}, not {shape}")
+    numbers = int(arrays["spp"]), int(arrays["batches"]), float(arrays["seconds"])
+    return Tally(arrays["mean"], arrays["m2"], *numbers)
+
+
+def to_npz(arrays: Mapping[str, Any]) -> bytes:
+    """The bytes of an .npz."""
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, **arrays)
+    return file.getvalue()
+
+
+def from_npz(content: bytes) -> dict[str, Any]:
+    """Its arrays by name."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

@@ -1,0 +1,54 @@
+"""`ambient-occlusion`: how much of the cosine-weighted hemisphere is open, to a distance: a quantity of its own, not light.
+
+A(p) = 1/pi int V(p, wi) cos dwi, V being 0 where something is met nearer than the scene's `maxdistance`. Directions go as
+the cosine, so that a sample is V itself. Lights play no part, but for their shapes, which are in the way like any other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.arrays import Floats
+from renderer.build import RenderScene
+from renderer.estimators.direction_sampling import cosine
+from renderer.estimators.protocol import ESTIMATORS, OCCLUSION, Reflected
+from renderer.estimators.visibility import Seen, hidden
+from renderer.plan import RenderPlan
+from renderer.records import SurfaceHit
+from scenes.description import SceneDescription
+
+
+@dataclass(frozen=True)
+class AmbientOcclusion:
+    """One direction a sample."""
+
+    name: str = "ambient-occlusion"
+    title: str = "open share of the hemisphere"
+    quantity: str = OCCLUSION
+    bias: str | None = None
+    ratio: bool = False
+
+    def refuses(self, scene: SceneDescription) -> str | None:
+        """None: every surface has a hemisphere."""
+        return None
+
+    def dimensions(self, scene: RenderScene) -> int:
+        """Two for the direction."""
+        return 2
+
+    def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
+        """See `Estimator`."""
+        n = hit.p.shape[1]
+        if n == 0:
+            return Reflected(np.zeros((3, 0)), 0)
+        wi, _ = cosine(scene, hit, u)
+        nothing = np.full(n, -1, dtype=np.int64)
+        reach = np.full(n, scene.description.occlusion_distance, dtype=np.float64)
+        everyone = np.arange(n, dtype=np.int64)
+        blocked = hidden(scene, plan, hit, Seen(nothing, wi, reach, np.zeros((3, 1))), everyone)
+        return Reflected(np.where(blocked, 0.0, np.ones((3, 1))), n)
+
+
+ESTIMATORS.add("ambient-occlusion", AmbientOcclusion())

@@ -1,0 +1,100 @@
+"""`analytic-visibility`: the unshadowed light in closed form times how much of it is seen, so that only shadows are noisy.
+
+The ratio form [heitz2018] multiplies the closed form A, averaged over a pixel, by the ratio of the pixel's shadowed samples S to
+the same samples without shadows U: A S/U. A ratio of means is consistent but biased, by O(1/spp). The control variate
+A + (S - U) has the same mean as S, is as free of noise where nothing is in the way, and is noisier than the ratio in the umbra.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.arrays import Floats, dot
+from renderer.build import RenderScene
+from renderer.estimators.lighting import chance, choose_light, sample_light, samplers, sources_of
+from renderer.estimators.mis import BEST
+from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Reflected
+from renderer.estimators.scattering import scatter
+from renderer.estimators.visibility import Seen, visible
+from renderer.plan import RenderPlan
+from renderer.records import SurfaceHit
+from scenes.description import Diffuse, Environment, SceneDescription, ShapeDescription
+
+BLOCK = 8  # lights whose closed forms are worked out at once: bounds the temporaries
+
+
+@dataclass(frozen=True)
+class AnalyticVisibility:
+    """One light sample and the closed forms of all lights. ratio: which of the two forms."""
+
+    name: str
+    title: str
+    ratio: bool
+    bias: str | None
+    quantity: str = RADIANCE
+
+    def refuses(self, scene: SceneDescription) -> str | None:
+        """Surfaces that are not diffuse, and lights without a closed form."""
+        if any(not isinstance(s.material, Diffuse) for s in scene.shapes):
+            return "closed forms hold for diffuse surfaces only, and it has others"
+        for source in sources_of(scene):
+            if isinstance(source, Environment) and source.image is not None:
+                return "an environment's image has no closed form"
+            if isinstance(source, ShapeDescription) and source.emission and source.emission.image is not None:
+                return "a light with an image has no closed form"
+        return None
+
+    def dimensions(self, scene: RenderScene) -> int:
+        """Two for the direction, one more to choose among lights."""
+        return 2 if len(scene.lights) == 1 else 3
+
+    def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
+        """See `Estimator`."""
+        n = hit.p.shape[1]
+        if n == 0:
+            return Reflected(np.zeros((3, 0)), 0)
+        light, u = choose_light(scene, u)
+        sample = sample_light(scene, samplers(scene, *BEST), hit, light, u)
+        cosine = dot(sample.wi, hit.n)
+        useful = sample.valid & (cosine > 0)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            weight = cosine / (sample.pdf * chance(scene, light))
+            radiance = np.where(useful, scatter(scene, hit, sample.wi) * (sample.radiance * weight), 0.0)
+        seen = visible(scene, plan, hit, Seen(light, sample.wi, sample.dist, sample.normal), useful, radiance)
+        closed = scatter(scene, hit, hit.n) * irradiance(scene, hit)
+        if self.ratio:
+            return Reflected(seen.radiance, seen.shadow_rays, (closed, radiance))
+        return Reflected(closed + (seen.radiance - radiance), seen.shadow_rays)
+
+
+def irradiance(scene: RenderScene, hit: SurfaceHit) -> Floats:
+    """Unshadowed irradiance (3, n) of all lights together; every one must have a closed form."""
+    n = hit.p.shape[1]
+    total = np.zeros((3, n))
+    for kind in scene.lights.kinds:
+        for first in range(0, kind.source.size, BLOCK):
+            some = np.arange(first, min(first + BLOCK, kind.source.size))
+            p, normal = (np.tile(v, (1, some.size)) for v in (hit.p, hit.n))
+            part = kind.irradiance(some.repeat(n), p, normal)
+            assert part is not None, "refuses() lets only lights with closed forms through"
+            by_light = np.broadcast_to(part, p.shape).reshape(3, some.size, n)
+            for j in range(some.size):
+                total += by_light[:, j]
+    return total
+
+
+ESTIMATORS.add(
+    "analytic-visibility",
+    AnalyticVisibility(
+        "analytic-visibility",
+        "closed form times sampled visibility",
+        True,
+        "a ratio of means: consistent, with a bias that falls as 1/spp",
+    ),
+)
+ESTIMATORS.add(
+    "analytic-visibility-unbiased",
+    AnalyticVisibility("analytic-visibility-unbiased", "closed form as a control variate", False, None),
+)

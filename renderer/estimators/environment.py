@@ -1,0 +1,42 @@
+"""`environment`: the environment by the importance of its image, every other light by its best technique."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from renderer.arrays import Floats
+from renderer.build import RenderScene
+from renderer.estimators.light_sampling import by_light
+from renderer.estimators.mis import BEST
+from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Reflected
+from renderer.plan import RenderPlan
+from renderer.records import SurfaceHit
+from scenes.description import Environment, SceneDescription
+
+
+@dataclass(frozen=True)
+class EnvironmentSampling:
+    """Light samples alone, in proportion to what each direction sends."""
+
+    name: str = "environment"
+    title: str = "proportional to the environment's image"
+    quantity: str = RADIANCE
+    bias: str | None = None
+    ratio: bool = False
+
+    def refuses(self, scene: SceneDescription) -> str | None:
+        """A scene that nothing surrounds."""
+        if any(isinstance(light, Environment) for light in scene.lights):
+            return None
+        return 'it has no environment (LightSource "infinite")'
+
+    def dimensions(self, scene: RenderScene) -> int:
+        """Two for the direction, one more to choose among lights."""
+        return 2 if len(scene.lights) == 1 else 3
+
+    def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
+        """See `Estimator`."""
+        return by_light(scene, plan, hit, u, *BEST)
+
+
+ESTIMATORS.add("environment", EnvironmentSampling())

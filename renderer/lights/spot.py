@@ -1,0 +1,106 @@
+"""Spot lights: point lights that fade out towards the edge of a cone, by a cubic smoothstep of the cosine [pharr2023, sec. 12.2.1].
+
+The cosines' differences are formed without the cosines: 1 - cos t is |a - w|^2 / 2 for unit vectors a and w, and
+cos s - cos c = 2 sin((c + s)/2) sin((c - s)/2), so that a cone of a thousandth of a degree fades as smoothly as a wide one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.arrays import Floats, dot, gather
+from renderer.lights.delta import (
+    delta_irradiance,
+    delta_missing,
+    every_technique,
+    fall_off,
+    finite_vector,
+    light_values,
+    towards,
+    unit_vector,
+)
+from renderer.lights.protocol import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from scenes.description import SpotLight
+from scenes.errors import SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class SpotLights:
+    """position, axis, intensity: (3, k), W/sr along the axis. edge: (k,) 1 - cos of the cone. fade: (k,) from there to full, in cosine."""
+
+    delta: ClassVar[bool] = True
+
+    source: NDArray[np.int64]
+    position: Floats
+    axis: Floats
+    intensity: Floats
+    edge: Floats
+    fade: Floats
+
+    @property
+    def share(self) -> Floats:
+        """(k,) ones: one light a source."""
+        return np.ones(self.source.size)
+
+    @property
+    def techniques(self) -> Mapping[str, DirectionSampler]:
+        """All names, one sampler."""
+        return every_technique(self)
+
+    @staticmethod
+    def missing(technique: str) -> str | None:
+        """See `LightKind`."""
+        return delta_missing(technique)
+
+    @classmethod
+    def accepts(cls, source: Source) -> bool:
+        """Every `SpotLight`."""
+        return isinstance(source, SpotLight)
+
+    @classmethod
+    def make(cls, sources: Sequence[Source], index: Sequence[int]) -> SpotLights:
+        """See `LightKind`."""
+        own = [s for s in sources if isinstance(s, SpotLight)]
+        for s in own:
+            if not 0 <= s.falloff_start <= s.cone <= 180:
+                what = f"a spot light's cone is {s.cone:g} degrees and its falloff starts at {s.falloff_start:g}"
+                raise SceneError(f"{what}; allowed is 0 <= start <= cone <= 180", s.where)
+        cone, start = np.radians([[s.cone for s in own], [s.falloff_start for s in own]])
+        return cls(
+            np.array(index, dtype=np.int64),
+            np.stack([finite_vector(s.position, "a spot light's position", s.where) for s in own], axis=1),
+            np.stack([unit_vector(s.axis, "a spot light's axis", s.where) for s in own], axis=1),
+            np.stack([light_values(s.intensity, "a spot light's intensity", s.where) for s in own], axis=1),
+            2.0 * np.sin(0.5 * cone) ** 2,
+            2.0 * np.sin(0.5 * (cone + start)) * np.sin(0.5 * (cone - start)),
+        )
+
+    def arrive(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Floats]:
+        """See `Arrival`."""
+        wi, dist = towards(gather(self.position, index), ref_p)
+        off = gather(self.axis, index) + wi
+        inside = gather(self.edge, index) - 0.5 * dot(off, off)
+        fade = gather(self.fade, index)
+        # Without a fade, the edge itself is lit.
+        hard = np.where(inside >= 0, 1.0, 0.0)
+        t = np.where(fade > 0, np.clip(inside / np.where(fade > 0, fade, 1.0), 0.0, 1.0), hard)
+        return wi, dist, fall_off(gather(self.intensity, index) * (t * t * (3.0 - 2.0 * t)), dist)
+
+    def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
+        """See `LightKind`: I(angle) cos/d^2."""
+        return delta_irradiance(self, index, ref_p, ref_n)
+
+    @classmethod
+    def examples(cls) -> list[LightExample]:
+        """See `LightKind`."""
+        down, rgb = np.array([0.0, -1.0, 0.0]), np.array([3.0, 2.0, 1.0])
+        light = SpotLight(np.array([0.0, 2.0, 0.0]), down, rgb, 45.0, 20.0)
+        return [LightExample("a spot light shining down", light, *receivers(light.position, 1.0))]
+
+
+LIGHTS.add("spot", SpotLights)

@@ -1,0 +1,164 @@
+"""Rough metal: a surface of microscopic mirrors, the same from both sides, as pbrt's `conductor`.
+
+With the half vector h = wo + wi, mu = cosines with the normal n, and q(mu) = sqrt(mu^2 + alpha^2 (1 - mu^2)):
+
+    D  = alpha^2 / (pi cos^4(h) (alpha^2 + tan^2(h))^2)         Trowbridge and Reitz's distribution [walter2007, eq. 33]
+    G  = 1 / (1 + Lambda(wo) + Lambda(wi))                      height-correlated Smith masking [heitz2014, eq. 99]
+       = 2 mu_o mu_i / (mu_i q(mu_o) + mu_o q(mu_i))            as 1 + 2 Lambda = q(mu) / mu
+    f  = F D G / (4 mu_o mu_i) = F D / (2 (mu_i q(mu_o) + mu_o q(mu_i)))
+    pdf of wi, its half vector being a normal seen from wo = D / (2 (mu_o + q(mu_o)))
+
+so that no cosine is divided by, and f cos / pdf is at most F. The sine of h is the length of what it has along the
+surface and the cosine of wo with h is |h|/2: at alpha = 1e-3 the lobe is a thousandth wide, where 1 - cos^2 would leave nine digits and less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.arrays import Floats, combine, dot, frame_about, gather
+from renderer.materials.protocol import MATERIALS, MaterialExample
+from renderer.records import SurfaceHit
+from scenes.description import Conductor, ShapeDescription, Sphere
+
+TINY = np.finfo(np.float64).tiny
+
+
+@dataclass(frozen=True, eq=False)
+class ConductorMaterials:
+    """alpha, metal: (s,); `metal` is 1, or 0 for shapes of other materials. difference, product: (3, s), eta^2 - k^2 and 2 eta k."""
+
+    alpha: Floats
+    metal: Floats
+    difference: Floats
+    product: Floats
+
+    @classmethod
+    def accepts(cls, shape: ShapeDescription) -> bool:
+        """Whether a shape is a conductor."""
+        return type(shape.material) is Conductor
+
+    @classmethod
+    def make(cls, shapes: Sequence[ShapeDescription]) -> ConductorMaterials:
+        """See `MaterialKind`."""
+        none = Conductor(np.ones(3), np.zeros(3), 1.0)
+        rows = [s.material if isinstance(s.material, Conductor) else none for s in shapes]
+        eta, k = (np.stack(part, axis=1) for part in ([r.eta for r in rows], [r.k for r in rows]))
+        metal = np.array([float(cls.accepts(s)) for s in shapes])
+        return cls(np.array([r.alpha for r in rows]), metal, (eta - k) * (eta + k), 2 * eta * k)
+
+    def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
+        """See `MaterialKind`. 0 below the horizon."""
+        mu_o, mu_i = np.maximum(dot(hit.wo, hit.n), 0.0), np.maximum(dot(wi, hit.n), 0.0)
+        alpha = gather(self.alpha, hit.shape)
+        distribution, h2 = _half(hit, wi, alpha)
+        # 0 where both directions graze: the numerator is 0 there already.
+        between = np.maximum(mu_i * _q(mu_o, alpha) + mu_o * _q(mu_i, alpha), TINY)
+        lobe = gather(self.metal, hit.shape) * (mu_i > 0) * distribution / (2 * between)
+        cosine = np.minimum(0.5 * np.sqrt(h2), 1.0)
+        return fresnel(cosine, gather(self.difference, hit.shape), gather(self.product, hit.shape)) * lobe
+
+    def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
+        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon. See `MaterialKind`.
+
+        Stretched by alpha the mirrors are a hemisphere, which reflects parallel light uniformly into a cap about it:
+        a direction c in the cap (z > -w.z) and c + w is the normal [dupuy2023, sec. 3].
+        """
+        alpha = gather(self.alpha, hit.shape)
+        mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
+        scale = 1 / _q(mu_o, alpha)
+        z = mu_o * scale
+        # c.z = height - z; written so, neither c.z + w.z nor 1 - c.z^2 loses digits at grazing angles and at the pole.
+        height = (1.0 - u[1]) * (1.0 + z)
+        sine = alpha * np.sqrt(u[1] * (1.0 + z) * (height + (1.0 - z)))
+        phi = (2 * np.pi) * u[0]
+        # w = scale (alpha wo + (1 - alpha) mu_o n), so that its part along the surface is wo's, of which only n is to be taken.
+        pull = alpha * alpha * scale
+        normal = combine(frame_about(hit.n), sine * np.cos(phi), sine * np.sin(phi), height - pull * mu_o)
+        normal += hit.wo * pull
+        wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
+        wi -= hit.wo
+        return wi, self.pdf(hit, wi)
+
+    def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
+        """See `MaterialKind`."""
+        mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
+        alpha = gather(self.alpha, hit.shape)
+        distribution, _ = _half(hit, wi, alpha)
+        return (dot(wi, hit.n) > 0) * distribution / (2 * (mu_o + _q(mu_o, alpha)))
+
+    def black(self) -> NDArray[np.bool_]:
+        """See `MaterialKind`. eta = 1 and k = 0 is no surface at all."""
+        nothing = (self.difference == 1) & (self.product == 0)
+        return (self.metal == 0) | nothing.all(axis=0)
+
+    @classmethod
+    def examples(cls) -> list[MaterialExample]:
+        """See `MaterialKind`."""
+        copper = np.array([0.21, 0.98, 1.2]), np.array([4.2, 2.6, 2.4])
+        perfect = np.full(3, 1e-3), np.full(3, 1e3)
+        kinds = [
+            ("polished copper", copper, 1e-3),
+            ("brushed copper", copper, 0.1),
+            ("rough copper", copper, 0.5),
+            ("sandy copper", copper, 1.0),
+            ("a rough perfect mirror", perfect, 0.3),
+        ]
+        ball = Sphere(np.zeros(3), 1.0)
+        return [
+            MaterialExample(name, ShapeDescription(ball, Conductor(eta, k, alpha))) for name, (eta, k), alpha in kinds
+        ]
+
+
+def fresnel(cosine: Floats, difference: Floats, product: Floats) -> Floats:
+    """Unpolarised Fresnel reflectance of a conductor in air [pharr2023, sec. 9.3.6], in [0, 1].
+
+    cosine: (n,) of the angle to the normal, in [0, 1]. difference, product: (3, n) or (3, 1), eta^2 - k^2 and 2 eta k.
+    Returns (3, n).
+
+    With the refracted wave's a + i b = sqrt(eta^2 - k^2 - sin^2 + 2 i eta k), c = a^2 + b^2 and t = 2 a cos, the two
+    polarisations' R_s = (c + cos^2 - t) / (c + cos^2 + t) and R_p = R_s (p - t sin^2) / (p + t sin^2), p = c cos^2 + sin^4,
+    have the mean R_s p / (p + t sin^2). a^2 = (c + eta^2 - k^2 - sin^2) / 2 cancels where k is large, by 2^-53 c at
+    most: 2^-53 / a of the reflectance, which counts for no eta above 1e-8.
+    """
+    mu2 = cosine * cosine
+    s2 = (1.0 - cosine) * (1.0 + cosine)
+    real = difference - s2
+    c = np.sqrt(real * real + product * product)
+    real += c
+    t = np.sqrt(np.maximum(real, 0.0) * (2 * mu2))
+    p = c * mu2
+    p += s2 * s2
+    c += mu2
+    below = c + t
+    below *= t * s2 + p
+    c -= t
+    c *= p
+    # 0 / 0 only for a surface without contrast, seen edge-on.
+    c /= np.maximum(below, TINY)
+    return np.maximum(c, 0.0, out=c)
+
+
+def _q(cosine: Floats, alpha: Floats) -> Floats:
+    return np.sqrt(cosine * cosine + alpha * alpha * ((1.0 - cosine) * (1.0 + cosine)))
+
+
+def _half(hit: SurfaceHit, wi: Floats, alpha: Floats) -> tuple[Floats, Floats]:
+    """The distribution of normals at the half vector (n,), 1/sr, and the squared length of wo + wi (n,).
+
+    D = (alpha |h|^2 / (alpha^2 (n.h)^2 + |h - n (n.h)|^2))^2 / pi. Of opposite directions, both along the surface, 0.
+    """
+    h = hit.wo + wi
+    along = dot(hit.n, h)
+    across = h - hit.n * along
+    cosine2, sine2 = along * along, dot(across, across)
+    h2 = cosine2 + sine2
+    root = alpha * h2 / np.maximum(alpha * alpha * cosine2 + sine2, TINY)
+    return root * root * (1 / np.pi), h2
+
+
+MATERIALS.add("conductor", ConductorMaterials)

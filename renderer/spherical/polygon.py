@@ -1,0 +1,91 @@
+"""Convex polygons as a surface sees them: turned into the surface's frame, clipped at its horizon, cut into triangles.
+
+A point's frame has its third axis along the surface's normal, so that heights over the horizon are third coordinates, and
+is mirrored where the polygon turns clockwise: all that follows sees polygons turn counter-clockwise about the zenith.
+Corners are held as one corner and the others' offsets from it; corner - corner would carry the rounding of the distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.arrays import Floats, cross, dot, frame_about
+
+Frame = tuple[Floats, Floats, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """Corners (m of each) in the frames of n points, those that have all corners below the horizon included.
+
+    base: (3, n), where the offsets start. offset: (3, m, n), the corners from there. up: (m, n), their heights, >= 0.
+    volume: (m - 2, n), the triple products of the triangles of the fan at the first corner; 0 where there is none.
+    frame: the axes in the world, each (3, n).
+    """
+
+    base: Floats
+    offset: Floats
+    up: Floats
+    volume: Floats
+    frame: Frame
+
+    def take(self, rows: NDArray[np.int64]) -> Polygon:
+        """Those of some points."""
+        x, y, z = (axis.take(rows, axis=-1) for axis in self.frame)
+        base, offset, up, volume = (v.take(rows, axis=-1) for v in (self.base, self.offset, self.up, self.volume))
+        return Polygon(base, offset, up, volume, (x, y, z))
+
+
+def seen_from(corner: Floats, others: Floats, ref_n: Floats) -> Polygon:
+    """The part above the horizon of convex planar polygons; m is one more than their corners, the last repeated as needed.
+
+    corner: (3, n), the first as seen from the points. others: (3, v - 1, n) or (3, v - 1, 1), the rest in order, as offsets
+    from the first. ref_n: (3, n), the surface's normal, unit. What is seen edge-on, or merely touches the horizon, has
+    volumes of 0 only.
+    """
+    area = cross(others[:, 0], others[:, 1])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        height = dot(corner, area / np.sqrt(dot(area, area)))
+    x, y, _ = frame_about(ref_n)
+    frame = (x, y * np.sign(height), ref_n)
+    base = np.stack([dot(corner, axis) for axis in frame])
+    local = np.stack([dot(others, axis[:, None]) for axis in frame])
+    # The first corner is no offset; the last one comes twice.
+    offset = np.concatenate([np.zeros_like(local[:, :1]), local, local[:, -1:]], axis=1)
+    up = base[2] + offset[2]
+    above = (up > 0).any(axis=0)
+    rows = np.flatnonzero(above & (up < 0).any(axis=0))
+    if rows.size:
+        offset[:, :, rows], up[:, rows] = _clip(offset[:, :-1, rows], up[:-1, rows])
+    leg = offset[:, 1:] - offset[:, :1]
+    area = cross(leg[:, :-1], leg[:, 1:])
+    volume = np.sqrt(dot(area, area)) * (np.abs(height) * above)
+    return Polygon(base, offset, np.maximum(up, 0.0), volume, frame)
+
+
+def _clip(offset: Floats, up: Floats) -> tuple[Floats, Floats]:
+    """What is above the horizon of polygons that cross it: offset (3, v, n), up (v, n) -> (3, v + 1, n), (v + 1, n).
+
+    A convex polygon enters once and leaves once: the corners between are a run, and the two cuts end it.
+    """
+    v, inside = len(up), up > 0
+    start = (inside & ~np.roll(inside, 1, axis=0)).argmax(axis=0)
+    count = inside.sum(axis=0)
+    turn = (start + np.arange(v)[:, None]) % v
+    offset, up = np.take_along_axis(offset, turn[None], axis=1), np.take_along_axis(up, turn, axis=0)
+    # In this order corners 0 ... count - 1 are above.
+    enter = _cut(offset[:, 0], up[0], offset[:, -1], up[-1])
+    last = np.stack([count - 1, count])
+    ends, heights = np.take_along_axis(offset, last[None], axis=1), np.take_along_axis(up, last, axis=0)
+    leave = _cut(ends[:, 0], heights[0], ends[:, 1], heights[1])
+    own = np.arange(v)[:, None] < count
+    clipped = np.concatenate([enter[:, None], np.where(own, offset, leave[:, None])], axis=1)
+    return clipped, np.concatenate([np.zeros_like(up[:1]), np.where(own, up, 0.0)])
+
+
+def _cut(above: Floats, up: Floats, below: Floats, down: Floats) -> Floats:
+    """Where the edge from a corner above, at height up > 0, to one below, at height down <= 0, meets the horizon."""
+    return above + (below - above) * (up / (up - down))

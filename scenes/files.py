@@ -1,0 +1,60 @@
+"""The files that a scene names: where they may lie, and how much of them is read."""
+
+from __future__ import annotations
+
+import gzip
+import stat
+import zlib
+from pathlib import Path
+
+from scenes.errors import Location, PenumbraError, SceneError
+
+FILE_LIMIT = 2**30  # bytes, after decompression
+
+
+class Files:
+    """Finds files for a scene. root: the folder of its top file, which nothing leaves unless `allow_outside` is set."""
+
+    def __init__(self, root: Path, allow_outside: bool = False) -> None:
+        self._root = root
+        self._allow_outside = allow_outside
+
+    def find(self, name: str, near: Path | None, where: Location) -> Path:
+        """A file named in a scene: relative to the file that names it, in folder `near`, else, as in pbrt, to the top file.
+
+        SceneError at `where` if it lies outside the root, also by way of a symbolic link.
+        """
+        folders = [near, self._root] if near is not None else [self._root]
+        try:
+            inside = [path for path in (folder / name for folder in folders) if self._allowed(path)]
+            found = next((path for path in inside if path.exists()), None)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise SceneError(f"{name!r} is no file name: {error}", where) from None
+        if not inside:
+            raise SceneError(
+                f"{name!r} lies outside the folder of the scene, {str(self._root)!r}; to read it all the same, "
+                "allow files from outside (--allow-outside)",
+                where,
+            )
+        return found or inside[0]
+
+    def _allowed(self, path: Path) -> bool:
+        return self._allow_outside or path.resolve().is_relative_to(self._root.resolve())
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a file, decompressed if its name ends in .gz; PenumbraError if it cannot be read or is too large."""
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise PenumbraError(f"cannot read {str(path)!r}: it is a folder")
+        if not stat.S_ISREG(status.st_mode):
+            raise PenumbraError(f"cannot read {str(path)!r}: it is no regular file")
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
+            data = stream.read(FILE_LIMIT + 1)
+    except (OSError, ValueError, EOFError, zlib.error) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise PenumbraError(f"cannot read {str(path)!r}: {reason}") from None
+    if len(data) > FILE_LIMIT:
+        raise PenumbraError(f"cannot read {str(path)!r}: it is larger than {FILE_LIMIT >> 20} MiB")
+    return data

@@ -1,0 +1,202 @@
+"""One pass over a scene file: each directive is read whole and handed to its meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from scenes.blocks import Blocks
+from scenes.builder import Builder, NamedMaterial, check_room
+from scenes.directives import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
+from scenes.errors import SceneError, Unsupported
+from scenes.files import Files
+from scenes.parameters import Parameters
+from scenes.sampling import option
+from scenes.stream import TokenStream
+from scenes.syntax import PARAMETERS, Syntax
+from scenes.template import Bindings, Header
+from scenes.textures import texture
+from scenes.tokens import Source, Token
+from scenes.transforms import ARGUMENTS, apply_directive, identity
+
+
+class Reader:
+    """Fills a `Builder` from the text. What is not supported goes to the builder's report, and reading goes on."""
+
+    def __init__(self, source: Source, header: Header, bindings: Bindings, files: Files) -> None:
+        self.builder = Builder()
+        self._tokens = TokenStream(source, header.end, files)
+        self._syntax = Syntax(self._tokens, bindings, self.builder.report)
+        self._blocks = Blocks(self.builder)
+        # What only the world holds, and what may stand on both sides of WorldBegin.
+        self._world_words: dict[str, Callable[[Token], None]] = {
+            "AttributeBegin": self._blocks.begin,
+            "AttributeEnd": self._blocks.end,
+            "TransformBegin": self._blocks.begin,
+            "TransformEnd": self._blocks.end,
+            "ObjectBegin": lambda token: self._blocks.begin_object(self._syntax.string(token), token),
+            "ObjectEnd": self._blocks.end_object,
+            "ObjectInstance": lambda token: self._blocks.instance(self._syntax.string(token), token),
+            "ReverseOrientation": self._reverse_orientation,
+            "NamedMaterial": self._named_material,
+            "Texture": self._texture,
+            "Import": self._import,
+        }
+        self._words: dict[str, Callable[[Token], None]] = {
+            "WorldBegin": self._world_begin,
+            "CoordinateSystem": self._coordinate_system,
+            "CoordSysTransform": self._coord_sys_transform,
+            "ColorSpace": self._color_space,
+            "Attribute": self._attribute,
+            "Option": self._option,
+            "MediumInterface": self._medium_interface,
+            "ActiveTransform": self._active_transform,
+            "TransformTimes": self._transform_times,
+            "Include": lambda token: self._tokens.include(self._syntax.string(token), token),
+        }
+
+    def run(self) -> None:
+        """Read to the end; SceneError for what is malformed."""
+        while (token := self._tokens.next()) is not None:
+            if token.kind == "end":
+                self._blocks.end_import(token)
+            elif token.kind != "word":
+                raise SceneError(f"{token} stands where a directive should", token.where)
+            else:
+                try:
+                    with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
+                        self._directive(token)
+                except Unsupported as problem:
+                    self.builder.report.add(problem.message, problem.location or token.where)
+        self._blocks.check_closed()
+        if not self.builder.in_world:
+            raise SceneError("the scene has no WorldBegin", self._tokens.end())
+        if self.builder.camera is None:
+            raise SceneError("the scene has no Camera", self._tokens.end())
+
+    def _directive(self, token: Token) -> None:
+        name = token.text
+        if name in ARGUMENTS:
+            numbers = self._syntax.numbers(token, ARGUMENTS[name])
+            state = self.builder.state
+            self.builder.state = replace(state, transform=apply_directive(name, numbers, state.transform, token.where))
+        elif name in self._words:
+            self._words[name](token)
+        elif name in OPTIONS:
+            self._one_option(token)
+        elif name in self._world_words:
+            self._need_world(token)
+            self._world_words[name](token)
+        elif name in WORLD or name in ANYWHERE:
+            self._parametrised(token)
+        else:
+            known = [*ARGUMENTS, *self._words, *self._world_words, *OPTIONS, *WORLD, *ANYWHERE]
+            raise SceneError(f"unknown directive {_short(name)!r}; there are: {', '.join(sorted(known))}", token.where)
+
+    def _parametrised(self, token: Token) -> None:
+        if token.text in WORLD:
+            self._need_world(token)
+        handler, target = WORLD[token.text] if token.text in WORLD else ANYWHERE[token.text]
+        kind = self._syntax.string(token)
+        parameters = self._syntax.parameters(token, self.builder.state.attributes.get(target, ()))
+        handler(self.builder, kind, parameters)
+        parameters.finish()
+
+    def _one_option(self, token: Token) -> None:
+        if self.builder.in_world:
+            raise SceneError(f"{token.text} must come before WorldBegin", token.where)
+        if token.text in self.builder.seen:
+            raise SceneError(f"{token.text} is given twice", token.where)
+        self.builder.seen.add(token.text)
+        kind = self._syntax.string(token)
+        parameters = self._syntax.parameters(token)
+        OPTIONS[token.text](self.builder, kind, parameters)
+        parameters.finish()
+
+    def _need_world(self, token: Token) -> None:
+        if not self.builder.in_world:
+            raise SceneError(f"{token.text} must come after WorldBegin", token.where)
+
+    def _world_begin(self, token: Token) -> None:
+        if self.builder.in_world:
+            raise SceneError("WorldBegin is given twice", token.where)
+        self.builder.in_world = True
+        self.builder.state = replace(self.builder.state, transform=identity())
+        self.builder.systems["world"] = identity()
+
+    def _reverse_orientation(self, token: Token) -> None:
+        self.builder.state = replace(self.builder.state, reverse=not self.builder.state.reverse)
+
+    def _named_material(self, token: Token) -> None:
+        material = NamedMaterial(self._syntax.string(token), token.where)
+        self.builder.state = replace(self.builder.state, material=material)
+
+    def _texture(self, token: Token) -> None:
+        name, type_, kind = (self._syntax.string(token) for _ in range(3))
+        parameters: Parameters = self._syntax.parameters(token, self.builder.state.attributes.get("texture", ()))
+        texture(self.builder, name, type_, kind, parameters)
+        parameters.finish()
+
+    def _import(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        end = Token("end", token.text, token.source, token.offset)
+        self._blocks.begin(end)
+        self._tokens.include(name, token, end)
+
+    def _coordinate_system(self, token: Token) -> None:
+        check_room(self.builder.systems, "coordinate systems", token.where)
+        self.builder.systems[self._syntax.string(token)] = self.builder.state.transform
+
+    def _coord_sys_transform(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        if name not in self.builder.systems:
+            known = ", ".join(self.builder.systems) or "none"
+            raise SceneError(f"no coordinate system is called {name!r}; there are: {known}", token.where)
+        self.builder.state = replace(self.builder.state, transform=self.builder.systems[name])
+
+    def _color_space(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        if name != "srgb":
+            raise Unsupported(f'ColorSpace "{name}" is not supported; supported: "srgb"', token.where)
+
+    def _attribute(self, token: Token) -> None:
+        target = self._syntax.string(token)
+        if target not in ATTRIBUTE_TARGETS:
+            raise SceneError(f'Attribute "{target}": there are {", ".join(ATTRIBUTE_TARGETS)}', token.where)
+        state = self.builder.state
+        items = (*state.attributes.get(target, ()), *self._syntax.items())
+        by_name = {item.name: item for item in items}  # the last one holds
+        if len(by_name) > PARAMETERS:
+            raise SceneError(f'more than {PARAMETERS} parameters of Attribute "{target}"', token.where)
+        self.builder.state = replace(state, attributes={**state.attributes, target: tuple(by_name.values())})
+
+    def _option(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        value = self._syntax.word(token, "a value")
+        option(self.builder, name, value, token.where)
+
+    def _medium_interface(self, token: Token) -> None:
+        names = [self._syntax.string(token)]
+        following = self._tokens.peek()
+        if following is not None and following.kind == "string":
+            names.append(self._syntax.string(token))
+        if any(names):
+            shown = " ".join(f'"{name}"' for name in names)
+            raise Unsupported(f"MediumInterface {shown} is not supported: space is empty", token.where)
+
+    def _active_transform(self, token: Token) -> None:
+        which = self._syntax.word(token, "All, StartTime or EndTime")
+        if which not in ("All", "StartTime", "EndTime"):
+            raise SceneError(f"ActiveTransform is All, StartTime or EndTime, not {_short(which)!r}", token.where)
+        if which != "All":
+            raise Unsupported(f"ActiveTransform {which} is not supported: nothing moves", token.where)
+
+    def _transform_times(self, token: Token) -> None:
+        self._syntax.numbers(token, 2)
+        raise Unsupported("TransformTimes is not supported: nothing moves", token.where)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,98 @@
+"""What surfaces are like: their textures, materials and emission, part of a scene's description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class UVMapping:
+    """pbrt's `mapping "uv"`: (s, t) = (su u + du, sv v + dv)."""
+
+    su: float = 1.0
+    sv: float = 1.0
+    du: float = 0.0
+    dv: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ImageTexture:
+    """An image laid on a surface. image: (h, w, 3) float64, linear RGB, the first row at t = 1, scale and inversion already in it.
+
+    wrap: "repeat", "black" or "clamp". filter: "bilinear" or "point".
+    """
+
+    image: Array
+    mapping: UVMapping = UVMapping()
+    wrap: str = "repeat"
+    filter: str = "bilinear"
+
+
+@dataclass(frozen=True, eq=False)
+class Checkerboard:
+    """pbrt's two-dimensional checkerboard: `first` where floor(s) + floor(t) is even."""
+
+    first: Texture
+    second: Texture
+    mapping: UVMapping = UVMapping()
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """pbrt's texture "scale"."""
+
+    first: Texture
+    second: Texture
+
+
+@dataclass(frozen=True, eq=False)
+class Mix:
+    """(1 - amount) first + amount second."""
+
+    first: Texture
+    second: Texture
+    amount: Texture
+
+
+# An array (3,) is a constant.
+Texture = Array | ImageTexture | Checkerboard | Product | Mix
+
+
+@dataclass(frozen=True, eq=False)
+class Diffuse:
+    """Lambertian, two-sided as pbrt's. reflectance: (3,) float64 in [0, 1], or a texture of such."""
+
+    reflectance: Texture
+
+
+@dataclass(frozen=True, eq=False)
+class Conductor:
+    """A rough metal: GGX microfacets (Trowbridge-Reitz) with the Fresnel reflectance of eta + i k, two-sided.
+
+    eta, k: (3,) float64 for red, green and blue. alpha: of the distribution, remapping already done, at least 1e-3.
+    """
+
+    eta: Array
+    k: Array
+    alpha: float
+
+
+Material = Diffuse | Conductor
+
+
+@dataclass(frozen=True, eq=False)
+class Emission:
+    """Diffuse area emission. radiance: (3,) float64, W/(m^2 sr), `scale`, `power` and the like already in it.
+
+    image: (h, w, 3) float64, what to multiply the radiance by over a rectangle, first row at v = 1; looked up
+    bilinearly and clamped at the edges, as pbrt does.
+    """
+
+    radiance: Array
+    two_sided: bool = False
+    image: Array | None = None

@@ -1,0 +1,168 @@
+"""What stands before WorldBegin: camera, film, filter, sampler, integrator, options."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from scenes.description import PixelFilter
+from scenes.parser import parse
+from tests.unit.scene_texts import HEAD, fails
+
+REST = 'Camera "perspective"\nWorldBegin\n'
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("", PixelFilter("box", 0.5, 0.5)),  # ours; pbrt's would be the gaussian
+        ('PixelFilter "box"', PixelFilter("box", 0.5, 0.5)),
+        ('PixelFilter "box" "float xradius" 1 "float yradius" 2', PixelFilter("box", 1.0, 2.0)),
+        ('PixelFilter "triangle"', PixelFilter("triangle", 2.0, 2.0)),
+        ('PixelFilter "gaussian"', PixelFilter("gaussian", 1.5, 1.5, 0.5)),
+        ('PixelFilter "gaussian" "float xradius" 2 "float sigma" .75', PixelFilter("gaussian", 2.0, 1.5, 0.75)),
+    ],
+)
+def test_pixel_filters(line: str, expected: PixelFilter) -> None:
+    for text in (f'{line}\nFilm "rgb"\n{REST}', f'Film "rgb"\n{line}\n{REST}'):
+        assert astuple(parse(text).film.pixel_filter) == astuple(expected)
+
+
+def test_a_filter_is_content() -> None:
+    wide = parse('PixelFilter "gaussian"\n' + REST)
+    assert wide.content_hash() != parse('PixelFilter "triangle"\n' + REST).content_hash()
+    assert wide.content_hash() != parse('PixelFilter "gaussian" "float sigma" .6\n' + REST).content_hash()
+
+
+@pytest.mark.parametrize(
+    ("line", "estimator", "distance"),
+    [
+        ('Integrator "path" "integer maxdepth" 1 "string lightsampler" "power" "bool regularize" false', None, np.inf),
+        ('Integrator "volpath" "integer maxdepth" 1', None, np.inf),
+        ('Integrator "simplepath" "integer maxdepth" 1', None, np.inf),
+        ('Integrator "simplepath" "integer maxdepth" 1 "bool samplelights" false', "bsdf", np.inf),
+        (
+            'Integrator "simplepath" "integer maxdepth" 1 "bool samplelights" false "bool samplebsdf" false',
+            "hemisphere",
+            np.inf,
+        ),
+        ('Integrator "ambientocclusion"', "ambient-occlusion", np.inf),
+        ('Integrator "ambientocclusion" "bool cossample" false "float maxdistance" 2.5', "ambient-occlusion", 2.5),
+    ],
+)
+def test_integrators(line: str, estimator: str | None, distance: float) -> None:
+    scene = parse(f"{line}\n{REST}")
+    assert (scene.defaults.estimator, scene.occlusion_distance) == (estimator, distance)
+
+
+@pytest.mark.parametrize("order", ["Sampler", "Integrator"])
+def test_sampler_and_integrator_keep_each_other(order: str) -> None:
+    lines = ['Sampler "sobol" "integer pixelsamples" 4', 'Integrator "ambientocclusion"']
+    text = "\n".join(lines if order == "Sampler" else lines[::-1])
+    assert astuple(parse(f"{text}\n{REST}").defaults) == ("sobol", 4, 0, "ambient-occlusion")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "float cropwindow" [ 0 1 0 1 ]',
+        'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "integer pixelbounds" [ 0 200 0 100 ]',
+        'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "float maxcomponentvalue" 1e7',
+        'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "string sensor" "cie1931" "float iso" 100',
+    ],
+)
+def test_a_film_that_says_what_holds_anyway(line: str) -> None:
+    plain = 'Film "rgb" "integer xresolution" 200 "integer yresolution" 100\n'
+    window = 'Camera "perspective" "float screenwindow" [ -2 2 -1 1 ] "float shutteropen" 0 "float shutterclose" 1\n'
+    assert parse(f"{line}\n{window}WorldBegin").content_hash() == parse(plain + REST).content_hash()
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ('Sampler "independent" "integer pixelsamples" 64', ("independent", 64, 0)),
+        ('Sampler "independent" "integer seed" [ 7 ]', ("independent", 16, 7)),
+        ('Sampler "sobol" "string randomization" "owen"', ("sobol", 16, 0)),
+        ('Sampler "zsobol" "integer pixelsamples" [ 4 ]', ("sobol", 4, 0)),
+        ('Sampler "paddedsobol"', ("sobol", 16, 0)),
+        ('Sampler "halton" "integer pixelsamples" 8 "string randomization" "permutedigits"', ("sobol", 8, 0)),
+        ('Sampler "pmj02bn"', ("sobol", 16, 0)),
+        ('Sampler "stratified"', ("stratified", 16, 0)),
+        ('Sampler "stratified" "integer xsamples" 8 "integer ysamples" 2 "bool jitter" true', ("stratified", 16, 0)),
+        ('Sampler "stratified" "integer xsamples" [ 3 ] "integer seed" 5', ("stratified", 12, 5)),
+    ],
+)
+def test_samplers(line: str, expected: tuple[str, int, int]) -> None:
+    assert astuple(parse(f"{line}\n{HEAD}").defaults) == (*expected, None)
+
+
+def test_defaults_are_no_part_of_the_content() -> None:
+    assert parse('Sampler "sobol"\n' + HEAD).content_hash() == parse(HEAD).content_hash()
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "words"),
+    [
+        ('Camera "orthographic"', 1, ('"perspective"',)),
+        ('Camera "perspective" "float fov" 180', 22, ("180",)),
+        ('Camera "perspective" "float fov" 0', 22, ("0",)),
+        ('Camera "perspective" "float lensradius" .1', 22, ("pinhole",)),
+        ('Camera "perspective" "float screenwindow" [ -1 1 -1 1 ]', 22, ("screenwindow", "-1.77778 1.77778")),
+        ('Camera "perspective" "float screenwindow" [ -1 1 ]', 22, ("four numbers, not 2",)),
+        ('Camera "perspective" "float frameaspectratio" 2', 22, ("frameaspectratio", "fov")),
+        ('Camera "perspective" "float shutterclose" 0.5', 22, ("shutterclose", "1")),
+        ('Film "gbuffer"', 1, ('"rgb"',)),
+        ('Film "rgb" "integer xresolution" 0', 12, ("xresolution", "0")),
+        ('Film "rgb" "integer yresolution" [ 100000 ]', 12, ("65535",)),
+        ('Film "rgb" "integer xresolution" 10.5', 34, ("whole number",)),
+        ('Film "rgb" "integer xresolution" 10.0', 34, ("whole number",)),  # pbrt reads no decimals there
+        ('Film "rgb" "integer xresolution" 99999999999', 34, ("whole number",)),
+        ('Film "rgb" "string sensor" "canon_eos_5d"', 12, ("sensor", '"cie1931"')),
+        ('Film "rgb" "float iso" 200', 12, ("iso", "100")),
+        ('Film "rgb" "float exposuretime" 2', 12, ("exposuretime",)),
+        ('Film "rgb" "float maxcomponentvalue" 10', 12, ("maxcomponentvalue",)),
+        ('Film "rgb" "float cropwindow" [ 0 .5 0 1 ]', 12, ("cropwindow",)),
+        ('Film "rgb" "integer pixelbounds" [ 0 10 0 10 ]', 12, ("pixelbounds",)),
+        ('PixelFilter "mitchell" "float B" 0.3', 1, ('"mitchell"', '"box", "triangle", "gaussian"')),
+        ('PixelFilter "sinc"', 1, ('"sinc"', '"gaussian"')),
+        ('PixelFilter "box" "float xradius" 0', 19, ("above 0",)),
+        ('PixelFilter "gaussian" "float yradius" 100', 24, ("at most 16",)),
+        ('PixelFilter "gaussian" "float sigma" 0', 24, ("sigma must be positive",)),
+        ('PixelFilter "box" "float sigma" 1', 19, ('"float sigma"', '"float xradius"')),
+        ('Sampler "random"', 1, ('"independent"', '"sobol"', '"halton"')),
+        ('Sampler "stratified" "bool jitter" false', 22, ("jitter must be true",)),
+        ('Sampler "stratified" "integer xsamples" 100000 "integer ysamples" 100000', 22, ("at most",)),
+        ('Sampler "independent" "integer pixelsamples" 0', 23, ("at least 1",)),
+        ('Sampler "sobol" "string randomization" "none"', 17, ("owen",)),
+        ('Sampler "independent" "string randomization" "owen"', 23, ("randomization",)),
+        ('Sampler "independent" "integer seed" -1', 23, ("negative",)),
+        ('Integrator "bdpt" "integer maxdepth" 1', 1, ('"path"', '"ambientocclusion"')),
+        ('Integrator "path" "integer maxdepth" 1 "bool regularize" true', 40, ("regularize",)),
+        ('Integrator "ambientocclusion" "float maxdistance" 0', 31, ("maxdistance must be positive",)),
+        ('Option "forcediffuse" true', 1, ("forcediffuse", "not supported")),
+        ('Option "bool disablepixeljitter" true', 1, ("disablepixeljitter", "not supported")),
+        ('Option "disablepixeljitter" maybe', 1, ("true or false", "maybe")),
+        ('Option "gloss" 1', 1, ('unknown Option "gloss"', "disablepixeljitter")),
+        ("TransformTimes 0 1", 1, ("nothing moves",)),
+        ("ActiveTransform EndTime", 1, ("nothing moves",)),
+        ("ActiveTransform Never", 1, ("All, StartTime or EndTime",)),
+        ('MediumInterface "fog"', 1, ('MediumInterface "fog"', "space is empty")),
+        ('MakeNamedMedium "fog" "string type" "homogeneous"', 1, ('MakeNamedMedium "fog"',)),
+        ('ColorSpace "rec2020"', 1, ("srgb",)),
+        ('Integrator "path" "integer maxdepth" 5', 19, ("maxdepth is 5",)),
+        ('Integrator "path"', 1, ("maxdepth is 5 (pbrt's default)",)),
+        ("AttributeBegin", 1, ("after WorldBegin",)),
+        ('Shape "sphere"', 1, ("after WorldBegin",)),
+        ("ReverseOrientation", 1, ("after WorldBegin",)),
+        ('NamedMaterial "m"', 1, ("after WorldBegin",)),
+    ],
+)
+def test_errors_before_the_world(line: str, column: int, words: tuple[str, ...]) -> None:
+    camera = "" if line.startswith("Camera") else 'Camera "perspective"\n'
+    fails(f"\n{line}\n{camera}WorldBegin\n", 2, column, *words)
+
+
+def test_an_option_given_twice_is_refused() -> None:
+    fails('Film "rgb"\n' + HEAD, 4, 1, "Film is given twice")

@@ -1,0 +1,131 @@
+"""One message that lists every place of a scene that asks for what is not simulated."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from scenes.errors import PLACES, Location, Report, SceneError
+from scenes.parser import parse, parse_file
+from tests.unit.scene_texts import HEAD, TRIANGLE
+
+SCENE = """\
+Camera "perspective" "float lensradius" 0.1 "float frameaspectratio" 2
+Film "rgb" "float iso" 200 "string sensor" "canon_eos_5d_mkiv"
+PixelFilter "mitchell"
+Integrator "volpath" "integer maxdepth" 5
+Accelerator "kdtree" "integer maxprims" 4
+WorldBegin
+LightSource "projection" "string filename" "gone.png"
+MakeNamedMaterial "glass" "string type" "dielectric" "float eta" 1.5
+NamedMaterial "glass"
+Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float alpha" 0.5 "float wobble" 3
+Shape "loopsubdiv" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
+Texture "rust" "spectrum" "fbm"
+Material "diffuse" "texture reflectance" "rust"
+Shape "cylinder"
+MediumInterface "fog" ""
+Shape "sphere" "float zmax" 0.5 "float phimax" 90
+"""
+PLACES_OF_SCENE = [
+    *[
+        (1, 22),
+        (1, 45),
+        (2, 28),
+        (2, 12),
+        (3, 1),
+        (4, 22),
+        (7, 1),
+        (8, 1),
+        (10, 55),
+        (10, 73),
+        (11, 1),
+        (12, 1),
+        (14, 1),
+    ],
+    *[(15, 1), (16, 16), (16, 33)],
+]
+
+
+def refused(text: str) -> SceneError:
+    with pytest.raises(SceneError) as caught:
+        parse(text)
+    return caught.value
+
+
+def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() -> None:
+    error = refused(SCENE)
+    lines = str(error).splitlines()
+    assert [tuple(map(int, line.split(":")[1:3])) for line in lines] == PLACES_OF_SCENE
+    assert error.location == Location("<text>", 1, 22)
+    assert error.message == "Camera: lensradius must be 0: the camera is a pinhole"
+    for word in (
+        "frameaspectratio",
+        "sensor",
+        "mitchell",
+        "maxdepth is 5",
+        "projection",
+        "dielectric",
+        ": alpha is",
+        "wobble",
+        "loopsubdiv",
+    ):
+        assert sum(word in line for line in lines) == 1, word
+
+
+def test_what_is_malformed_is_alone() -> None:
+    error = refused(SCENE + "Shape\n")
+    assert str(error) == "<text>:17:1: the file ends after Shape, which needs a quoted string"
+
+
+def test_a_template_parameter_of_what_is_not_supported_does_not_hide_it() -> None:
+    error = refused(f'#$ n 3 "count"\n{HEAD}Shape "loopsubdiv" "integer levels" $n')
+    assert "loopsubdiv" in str(error)
+
+
+def test_places_in_included_files_are_listed_with_their_files(tmp_path: Path) -> None:
+    (tmp_path / "a.pbrt").write_text('Shape "cone"')
+    (tmp_path / "main.pbrt").write_text(HEAD + 'Include "a.pbrt" Import "a.pbrt"\nShape "curve"')
+    with pytest.raises(SceneError) as caught:
+        parse_file(tmp_path / "main.pbrt")
+    first, second = str(caught.value).splitlines()  # the file that is read twice is named once
+    assert first.startswith(f"{tmp_path / 'a.pbrt'}:1:1: shape 'cone'")
+    assert second.startswith(f"{tmp_path / 'main.pbrt'}:8:1: shape 'curve'")
+
+
+def test_the_list_is_bounded() -> None:
+    lines = str(refused(HEAD + 'Shape "cone"\n' * (PLACES + 7))).splitlines()
+    assert len(lines) == PLACES + 1
+    assert lines[-1] == "and 7 more places that ask for what is not supported"
+
+
+def test_the_lines_survive_the_way_from_a_worker() -> None:
+    error = refused(SCENE)
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), copy.location, copy.message) == (str(error), error.location, error.message)
+
+
+def test_an_empty_report_says_nothing() -> None:
+    Report().check()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'Accelerator "bvh" "string splitmethod" "sah"',
+        'Accelerator "anything" "rgb nonsense" [ 1 2 3 ]',
+        'Option "disablewavelengthjitter" true',
+        'Option "string rendercoordsys" "world"',
+        'Option "disable-texture-filtering" true',
+        'Option "seed" 7',
+        'Option "forcediffuse" false',
+        'ColorSpace "srgb"',
+        "ActiveTransform All",
+        'MediumInterface "" ""',
+        'MediumInterface ""',
+    ],
+)
+def test_what_changes_no_image_is_accepted(line: str) -> None:
+    assert parse(line + "\n" + HEAD + TRIANGLE).content_hash() == parse(HEAD + TRIANGLE).content_hash()
