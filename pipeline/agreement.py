@@ -19,7 +19,7 @@ from pipeline.job import statistics
 from pipeline.progress import Update
 from pipeline.references.protocol import ReferenceImage
 from pipeline.statistics.numerics import normal_tail
-from pipeline.statistics.welch import Moments, compare_images, sidak_level
+from pipeline.statistics.welch import Moments, compare_images, sidak_level, vary_alike
 from renderer import RenderResult, build, render
 from renderer.build import RenderScene
 from renderer.estimators.protocol import ESTIMATORS, RADIANCE
@@ -161,7 +161,11 @@ def _standard_error(variance: NDArray[np.float64]) -> float:
 
 
 def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
-    image, regions = compare_images(a.moments, b.moments, alpha=level)[:2]
+    families = compare_images(a.moments, b.moments, alpha=level)[:2]
+    # Where one side finds light by chance, a region may have found none at all and show no variance: only the image is tested.
+    alike = vary_alike(a.moments, b.moments) and vary_alike(b.moments, a.moments)
+    families = families if alike else families[:1]
+    image = families[0]
     ours, theirs = float(a.moments.mean.mean()), float(b.moments.mean.mean())
     error = np.hypot(_standard_error(a.moments.variance), _standard_error(b.moments.variance))
     reach = normal_tail(0.025) * float(error)  # sums over thousands of pixels: normal
@@ -172,7 +176,7 @@ def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
         difference=(ours - theirs) / scale,
         low=(ours - theirs - reach) / scale,
         high=(ours - theirs + reach) / scale,
-        p=min(image.p, regions.p),
+        p=min(family.p for family in families),
         smallest_detectable=image.smallest_detectable,
-        agree=not (image.reject or regions.reject),
+        agree=not any(family.reject for family in families),
     )

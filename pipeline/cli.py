@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
+from typing import Annotated
 
 import typer
 
@@ -21,6 +23,8 @@ from pipeline.commands.render import render
 from pipeline.commands.report import report
 from pipeline.commands.run import demo, run
 from pipeline.commands.verify import verify
+from pipeline.commands.width import width
+from scenes.catalog import ALLOW_OUTSIDE
 
 EXAMPLES = """Examples:
 
@@ -57,6 +61,7 @@ app = typer.Typer(
 app.command("demo")(demo)
 app.command("run")(run)
 app.command("report")(report)
+app.command("width")(width)
 app.command("render")(render)
 app.command("reference")(reference)
 app.command("baseline")(baseline)
@@ -69,6 +74,17 @@ app.command("ladder")(ladder)
 app.command("agreement")(agreement)
 app.command("list")(list_names)
 app.command("doctor")(doctor)
+
+
+@app.callback()
+def everywhere(
+    allow_outside: Annotated[
+        bool, typer.Option("--allow-outside", help="Let scene files name files outside their own folder.")
+    ] = False,
+) -> None:
+    """Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with intervals."""
+    if allow_outside:
+        os.environ[ALLOW_OUTSIDE] = "1"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -159,6 +159,14 @@ def rasteriser() -> list[Part]:
     return [Part("pyrender", works, detail, REMEDY)]
 
 
+def preview() -> list[Part]:
+    """Draw a ball off screen with VTK."""
+    from pipeline.preview import REMEDY, off_screen
+
+    found = off_screen()
+    return [Part("preview", found.works, found.detail, REMEDY)]
+
+
 def browser() -> list[Part]:
     """Let a headless browser print a page of our own."""
     remedy = "install a browser, for example: apt install chromium"
@@ -194,4 +202,4 @@ def _try(command: Sequence[str]) -> subprocess.CompletedProcess[str] | str:
         return str(error.strerror)
 
 
-CHECKS = (system, embree, images, mitsuba, opengl, rasteriser, browser)
+CHECKS = (system, embree, images, mitsuba, opengl, rasteriser, preview, browser)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ from scenes.errors import PenumbraError
 Array = NDArray[np.float64]
 
 SIZE = (1280, 900)  # pixels
+HANDED = np.array([1.0, 1.0, -1.0])  # our space is left-handed as pbrt's, VTK's right-handed: everything is drawn at -z
 COLOURS = {SEEN: "#ffb000", HIDDEN: "#dc267f", IDLE: "#648fff"}  # told apart by the colour-blind too
 BACKGROUND, INK = "#eef0f4", "#1b1f2a"
 SECONDS = 120  # for the trial: the first import of VTK from a slow disk
@@ -95,6 +96,8 @@ def draw(scene: RenderScene, view: View, tried: Tried | None, title: str, path: 
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = how.window
     import pyvista as pv
 
+    view = view.mirrored(HANDED)
+
     plotter: Any = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
     plotter.set_background(BACKGROUND)
     for elevation, azimuth, strength in ((55, 35, 0.75), (20, -70, 0.4)):
@@ -107,6 +110,7 @@ def draw(scene: RenderScene, view: View, tried: Tried | None, title: str, path: 
     _camera(pv, plotter, view)
     labels = list(view.labels)
     if tried is not None:
+        tried = replace(tried, start=tried.start * HANDED, end=tried.end * HANDED)
         _samples(pv, plotter, tried, view.extent)
     _words(plotter, title, tried, labels)
     plotter.camera.position, plotter.camera.focal_point, plotter.camera.up = (
@@ -137,29 +141,37 @@ def _shape(pv: Any, plotter: Any, shape: ShapeDescription, veiled: bool, extent:
     gray = material.reflectance if isinstance(material, Diffuse) else np.full(3, 0.6)
     colour = gray if isinstance(gray, np.ndarray) else np.full(3, 0.6)
     tuple_ = tuple(np.clip(0.15 + 0.85 * np.sqrt(colour), 0, 1))
-    plotter.add_mesh(mesh, color=tuple_, opacity=0.12 if veiled else 1.0, ambient=0.25, diffuse=0.75)
+    plotter.add_mesh(mesh, color=tuple_, opacity=0.12 if veiled else 1.0, ambient=0.4, diffuse=0.6)
 
 
 def _mesh(pv: Any, shape: ShapeDescription) -> Any:
     geometry = shape.geometry
     if isinstance(geometry, Sphere):
-        return pv.Sphere(radius=geometry.radius, center=geometry.center, theta_resolution=48, phi_resolution=48)
+        return pv.Sphere(
+            radius=geometry.radius, center=geometry.center * HANDED, theta_resolution=48, phi_resolution=48
+        )
     if isinstance(geometry, Disk):
-        return pv.Disc(center=geometry.center, inner=0.0, outer=geometry.radius, normal=geometry.normal, c_res=64)
+        center, normal = geometry.center * HANDED, geometry.normal * HANDED
+        return pv.Disc(center=center, inner=0.0, outer=geometry.radius, normal=normal, c_res=64)
     assert isinstance(geometry, TriangleMesh | BilinearMesh)
     loops = geometry.faces if isinstance(geometry, TriangleMesh) else geometry.faces[:, [0, 1, 3, 2]]
     cells = np.column_stack([np.full(len(loops), loops.shape[1]), loops])
-    return pv.PolyData(geometry.vertices, cells.ravel())
+    return pv.PolyData(geometry.vertices * HANDED, cells.ravel())
 
 
 def _lights(pv: Any, plotter: Any, scene: SceneDescription, view: View) -> None:
     """Lights that are no shapes: a ball where one has a place, an arrow where one has a direction."""
     for light in scene.lights:
         if isinstance(light, PointLight | SpotLight):
-            plotter.add_mesh(pv.Sphere(radius=0.02 * view.extent, center=light.position), color="#ffd75e", lighting=False)
+            plotter.add_mesh(
+                pv.Sphere(radius=0.02 * view.extent, center=light.position * HANDED), color="#ffd75e", lighting=False
+            )
         elif not isinstance(light, Environment):
-            start = view.target + light.wi * 0.75 * view.extent
-            arrow = pv.Arrow(start=start, direction=-light.wi, scale=0.25 * view.extent, shaft_radius=0.02, tip_radius=0.06)
+            towards = light.wi * HANDED
+            start = view.target + towards * 0.75 * view.extent
+            arrow = pv.Arrow(
+                start=start, direction=-towards, scale=0.25 * view.extent, shaft_radius=0.02, tip_radius=0.06
+            )
             plotter.add_mesh(arrow, color="#e09000", ambient=0.4)
 
 
@@ -195,7 +207,8 @@ def _samples(pv: Any, plotter: Any, tried: Tried, extent: float) -> None:
 
 
 def _words(plotter: Any, title: str, tried: Tried | None, labels: list[tuple[Array, str]]) -> None:
-    plotter.add_text(title, position="upper_left", font_size=12, color=INK)
+    heading = plotter.add_text(title, position=(0.012, 0.955), viewport=True, font_size=13, color=INK)
+    heading.prop.background_color, heading.prop.background_opacity = "white", 0.75
     if labels:
         plotter.add_point_labels(
             np.stack([place for place, _ in labels]), [text for _, text in labels], font_size=17, bold=False,

@@ -17,7 +17,7 @@ from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
 
 IDLE, HIDDEN, SEEN = range(3)
-WORDS = ("of no use: below the horizon, or no light there", "hidden: something lies in between", "arrives")
+WORDS = ("of no use: below the horizon, or no light there", "hidden: something lies in between", "arrive")
 OPEN_WORDS = ("of no use", "something is there", "open")  # of ambient occlusion
 
 

@@ -42,6 +42,18 @@ class View:
     labels: tuple[tuple[Array, str], ...]
     veiled: frozenset[int]
 
+    def mirrored(self, by: Array) -> View:
+        """Every place multiplied by `by` (3,)."""
+        return replace(
+            self,
+            position=self.position * by,
+            target=self.target * by,
+            eye=self.eye * by,
+            screen=self.screen * by,
+            seen=None if self.seen is None else self.seen * by,
+            labels=tuple((place * by, text) for place, text in self.labels),
+        )
+
 
 def extent_of(scene: RenderScene) -> tuple[Array, Array]:
     """Lowest and highest corner, (3,) each, of what is in view, the camera and the lights that have a place."""
@@ -107,7 +119,7 @@ def _position(scene: RenderScene, target: Array, extent: float) -> Array:
     heading = np.arctan2(back[2], back[0]) + np.radians(TURN)
     rise = np.radians(RISE)
     away = np.array([np.cos(heading) * np.cos(rise), np.sin(rise), np.sin(heading) * np.cos(rise)])
-    return target + away * (0.56 * extent / np.tan(np.radians(ANGLE / 2)))
+    return target + away * (0.46 * extent / np.tan(np.radians(ANGLE / 2)))
 
 
 def _seen(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None) -> Array | None:
@@ -166,7 +178,7 @@ def _veiled(
     if seen is not None:
         goals.append(seen[None])
     if tried is not None:
-        goals.append((tried.start + 0.9 * (tried.end - tried.start))[::4])
+        goals += [tried.start + share * (tried.end - tried.start) for share in (0.5, 0.97)]
     way = np.concatenate(goals).T - position[:, None]
     far = np.sqrt((way * way).sum(axis=0))
     hidden = np.zeros(0, dtype=np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from scenes.parser import parse_file
 from scenes.template import TemplateParameter, Values, read_header
 from scenes.tokens import read_source
 
+ALLOW_OUTSIDE = "PENUMBRA_ALLOW_OUTSIDE"
 LIBRARY = Path(__file__).parent / "library"
 
 
@@ -35,14 +37,15 @@ def _library_scene(path: Path) -> LibraryScene:
     return LibraryScene(path.stem, path, header.title, header.doc, header.parameters)
 
 
-def load(name_or_path: str, parameters: Values | None = None, allow_outside: bool = False) -> SceneDescription:
+def load(name_or_path: str, parameters: Values | None = None, allow_outside: bool | None = None) -> SceneDescription:
     """Read a scene by library name or by path of a .pbrt file.
 
     parameters: values of the template's `$name`s, finite numbers. allow_outside: whether files that the scene names may
-    lie outside its own folder. PenumbraError where there is no such scene or
+    lie outside its own folder; None: if ALLOW_OUTSIDE is set in the environment, which the processes of a run inherit. PenumbraError where there is no such scene or
     parameter, SceneError with file, line and column where the text is wrong.
     """
     path = find(name_or_path)
+    allow_outside = bool(os.environ.get(ALLOW_OUTSIDE)) if allow_outside is None else allow_outside
     return parse_file(path, parameters, name_or_path if path.parent == LIBRARY else None, allow_outside)
 
 

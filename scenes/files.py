@@ -33,7 +33,7 @@ class Files:
         if not inside:
             raise SceneError(
                 f"{name!r} lies outside the folder of the scene, {str(self._root)!r}; to read it all the same, "
-                "allow files from outside (--allow-outside)",
+                "allow files from outside (penumbra --allow-outside COMMAND ...)",
                 where,
             )
         return found or inside[0]

@@ -13,7 +13,7 @@ from pipeline.references.mitsuba_environment import radiance
 from scenes.description import Environment, PerspectiveCamera, SceneDescription
 from scenes.errors import SceneError
 
-MOST_LAMPS = 32  # the least that every OpenGL 3.3 has room for among its shaders' constants is a few more
+MOST_LAMPS = 96  # a light of each kind takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or more
 
 
 def refuses(scene: SceneDescription) -> str | None:

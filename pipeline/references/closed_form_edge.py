@@ -115,6 +115,20 @@ def irradiance(scene: EdgeScene, plane: Plane, points: Array) -> Array:
     return knife_edge_irradiance(points, plane.normal, scene.light.outline, scene.edge, scene.blocked)
 
 
+def unshadowed(scene: EdgeScene, points: Array) -> Array:
+    """Irradiance (n,) per unit radiance at points (n, 3) of the floor if there were no sheet."""
+    return polygon_irradiance(points, scene.floor_plane.normal, scene.light.outline)
+
+
+def floor_points(scene: EdgeScene, film: FilmPlane) -> tuple[Index, Array]:
+    """The pixels (m,) that lie wholly on the floor, and where their middles see it, (m, 3)."""
+    floor, _ = classify(film, film.planes(scene.floor.patch.outline))
+    sheet, mixed = classify(film, film.planes(scene.sheet.patch.outline))
+    floor[mixed] = False
+    pixels = np.flatnonzero(floor & ~sheet)
+    return pixels, _project(film, scene.floor_plane, film.centers()[pixels])
+
+
 def seen_radiance(scene: EdgeScene, film: FilmPlane, points: Array) -> Array:
     """Exact radiance (n, 3) seen at film points (n, 3)."""
     total, free = np.zeros_like(points), np.ones(len(points), dtype=np.bool_)

@@ -108,7 +108,7 @@ def _rows(environments: Sequence[Environment], frame: Array, rows: int, columns:
     """64 rows from `start` on: means over cells, weighted by solid angle."""
     step = np.pi / (rows - 1)
     cells = np.arange(start, min(start + 64, rows))
-    parts = max(2, SUBCELLS // (rows - 1))
+    parts = 2 * max(1, round(SUBCELLS / (rows - 1) / 2))  # even: edges of texels may lie on the middle of a cell
     inner = (np.arange(parts) + 0.5) / parts - 0.5
     polar = (cells[:, None] + inner).ravel() * step
     weight = np.where((polar > 0) & (polar < np.pi), np.sin(polar), 0.0)

@@ -10,6 +10,7 @@ import numpy as np
 from trimesh.triangles import closest_point
 
 from pipeline.references.mitsuba_scene import convert, normalising_frame
+from pipeline.references.mitsuba_shadows import EARLY, overlooked
 from pipeline.references.mitsuba_shapes import Frame, basis, side_shift, triangles
 from pipeline.references.mitsuba_worker import RAY_LIFT
 from scenes.description import (
@@ -32,7 +33,7 @@ def reason(scene: SceneDescription) -> str | None:
     if not scene.lights and not any(shape.emission for shape in scene.shapes):
         return "it has no lights, so that its reference would be black"
     convert(scene)
-    return _overlooked_gap(scene)
+    return _overlooked_gap(scene) or _overlooked_shade(scene)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,25 @@ def _overlooked_gap(scene: SceneDescription) -> str | None:
                     f"a light{where} is {gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "
                     f"{lift / frame.scale:.2g} off a surface and overlook it; use the closed-form reference"
                 )
+    return None
+
+
+def _overlooked_shade(scene: SceneDescription) -> str | None:
+    """Something that shades, so near to a light that shadow rays end before it."""
+    frame = normalising_frame(scene)
+    proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
+    for light in _lights(scene, proxies, frame):
+        others = [proxy for shape, proxy in proxies if shape is not light.shape]
+        if not others:
+            continue
+        points = np.concatenate([proxy.points for proxy in others])
+        distance = overlooked(light.proxy.points, [proxy.triangles for proxy in others], points)
+        if distance is not None:
+            where = f" ({light.where})" if light.where else ""
+            return (
+                f"a light{where} is {distance / frame.scale:.2g} from a surface that shades, where Mitsuba's shadow rays "
+                f"have ended already: {EARLY:g} of their length before the light"
+            )
     return None
 
 

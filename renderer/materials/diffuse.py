@@ -50,7 +50,8 @@ class DiffuseMaterials:
         for shape, texture in self.textured:
             rows = np.flatnonzero(hit.shape == shape)
             if rows.size:
-                value[:, rows] = evaluate(texture, hit.uv.take(rows, axis=1)) / np.pi
+                # What is scaled may exceed 1; pbrt clamps it too.
+                value[:, rows] = np.clip(evaluate(texture, hit.uv.take(rows, axis=1)), 0.0, 1.0) / np.pi
         return value
 
     def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:

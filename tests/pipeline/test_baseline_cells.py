@@ -26,6 +26,7 @@ ASKED = TINY.replace('metrics = ["mse", "nonfinite"]', 'metrics = ["mse", "nonfi
 
 @pytest.fixture(autouse=True)
 def backend(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBackend]:
+    BACKENDS.names()  # the real ones are registered before the fake joins them
     fake = FakeBackend()
     with monkeypatch.context() as context:
         context.setitem(BACKENDS._entries, "fake", fake)

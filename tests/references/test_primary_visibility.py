@@ -16,18 +16,20 @@ from numpy.typing import NDArray
 
 from pipeline.baseline.process import Raster, rasterise
 from pipeline.baseline.surfaces import SPHERE_SAG
-from renderer import render
+from renderer import build, render
 from renderer.arrays import Floats, dot
 from renderer.build import RenderScene
+from renderer.camera import make_camera
 from renderer.estimators.protocol import Reflected
 from renderer.plan import RenderPlan
 from renderer.records import SurfaceHit
 from scenes import SceneDescription, library, load
-from scenes.description import PixelFilter, Sphere
+from scenes.description import PerspectiveCamera, PixelFilter, Sphere
 
 pytestmark = pytest.mark.opengl
 
 NAMES = [found.name for found in library()]
+HEAVY = {"forest": pytest.mark.slow}  # a million triangles: half a minute
 SILHOUETTE = 0.05  # of the depth: where neighbours differ by more, an edge may lie on either side of a pixel's middle
 AGREE = 0.999
 # OpenGL rounds corners to a grid of at least 2^-4 pixel, llvmpipe to 2^-8; edges and planes move by as much.
@@ -60,14 +62,20 @@ class _Depth:
         return Reflected(np.tile(depth, (3, 1)), 0)
 
 
-def _ours(scene: SceneDescription) -> Floats:
-    """(h, w) depths through the middles of pixels, infinite where nothing is hit."""
-    axes = scene.camera.camera_to_world
-    forward = axes[:3, 2:3] / np.linalg.norm(axes[:3, 2])
-    probe = _Depth(forward, axes[:3, 3:4])
-    narrow = replace(scene, film=replace(scene.film, pixel_filter=MIDDLE))
-    depth = render(narrow, estimator=probe, spp=1).image[..., 0]
-    return np.where(depth > 0, depth, np.inf)
+@dataclass(frozen=True, eq=False)
+class _Ours:
+    """A scene built once, to be looked at by any camera."""
+
+    built: RenderScene
+
+    def depth(self, camera: PerspectiveCamera) -> Floats:
+        """(h, w) depths through the middles of pixels, infinite where nothing is hit."""
+        axes = camera.camera_to_world
+        probe = _Depth(axes[:3, 2:3] / np.linalg.norm(axes[:3, 2]), axes[:3, 3:4])
+        film = replace(self.built.description.film, pixel_filter=MIDDLE)
+        seen = replace(self.built, camera=make_camera(camera, film))
+        depth = render(seen, estimator=probe, spp=1).image[..., 0]
+        return np.where(depth > 0, depth, np.inf)
 
 
 def _range(depth: Floats) -> tuple[Floats, Floats]:
@@ -114,45 +122,44 @@ def _agreement(raster: Raster, scene: SceneDescription, ours: Floats) -> tuple[f
 
 
 @cache
-def _drawn() -> dict[str, tuple[SceneDescription, Raster]]:
-    """Every scene of the library that has shapes, and its picture; one process draws them all. Depth needs no lights."""
-    scenes = {name: _dark(load(name)) for name in NAMES}
+def _drawn(heavy: bool) -> dict[str, tuple[SceneDescription, Raster]]:
+    """Every scene of the library that has shapes, and its picture; one process draws them all."""
+    scenes = {name: load(name) for name in NAMES if (name in HEAVY) == heavy}
     scenes = {name: scene for name, scene in scenes.items() if scene.shapes}
     return {name: (scenes[name], raster) for name, raster in zip(scenes, rasterise([*scenes.values()]), strict=True)}
 
 
-def _dark(scene: SceneDescription) -> SceneDescription:
-    return replace(scene, lights=(), shapes=tuple(replace(shape, emission=None) for shape in scene.shapes))
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=HEAVY.get(name, ())) for name in NAMES])
 def test_primary_rays_see_what_a_rasteriser_draws(name: str) -> None:
     """A camera half a pixel off or mirrored, or a field of view 1 % wrong, is seen: `_planted` shows it for every scene."""
-    if name not in _drawn():
+    drawn = _drawn(name in HEAVY)
+    if name not in drawn:
         return  # no shapes, no visibility
-    scene, raster = _drawn()[name]
-    ours = _ours(scene)
+    scene, raster = drawn[name]
+    eye = _Ours(build(scene))
+    ours = eye.depth(scene.camera)
     agree, smooth = _agreement(raster, scene, ours)
     print(f"{name}: {100 * agree:.3f} % of the {100 * smooth:.1f} % off silhouettes agree")
     assert smooth > 0.25  # a forest has edges in most of its pixels
     assert agree >= AGREE
     for what, wrong in _planted(scene).items():
-        theirs = _ours(wrong)
+        theirs = eye.depth(wrong)
         found, _ = _agreement(raster, scene, theirs)
         print(f"    {what}: {100 * found:.2f} %")
         symmetric = np.allclose(theirs, ours, rtol=1e-6)  # seen mirrored, furnace and penumbra look the same
         assert found < AGREE or (symmetric and what == "mirrored"), what
 
 
-def _planted(scene: SceneDescription) -> dict[str, SceneDescription]:
-    """The scene seen wrongly."""
-    turned = scene.camera.camera_to_world.copy()
-    pixel = 2 * np.tan(np.radians(scene.camera.fov) / 2) / min(scene.film.width, scene.film.height)
+def _planted(scene: SceneDescription) -> dict[str, PerspectiveCamera]:
+    """Cameras that see the scene wrongly."""
+    camera = scene.camera
+    turned = camera.camera_to_world.copy()
+    pixel = 2 * np.tan(np.radians(camera.fov) / 2) / min(scene.film.width, scene.film.height)
     turned[:3, 2] += turned[:3, 0] * pixel / 2 + turned[:3, 1] * pixel / 2
-    mirrored = scene.camera.camera_to_world.copy()
+    mirrored = camera.camera_to_world.copy()
     mirrored[:3, 0] *= -1.0
     return {
-        "half a pixel off": replace(scene, camera=replace(scene.camera, camera_to_world=turned)),
-        "mirrored": replace(scene, camera=replace(scene.camera, camera_to_world=mirrored)),
-        "field of view 1 % wider": replace(scene, camera=replace(scene.camera, fov=1.01 * scene.camera.fov)),
+        "half a pixel off": replace(camera, camera_to_world=turned),
+        "mirrored": replace(camera, camera_to_world=mirrored),
+        "field of view 1 % wider": replace(camera, fov=1.01 * camera.fov),
     }

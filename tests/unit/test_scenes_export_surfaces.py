@@ -38,23 +38,13 @@ from scenes.description import (
 )
 from scenes.errors import PenumbraError
 from scenes.export import export, to_pbrt
-from scenes.images import write_exr
 from scenes.parser import parse, parse_file
 from scenes.transforms import unit
+from tests.unit.exported import written
 from tests.unit.scene_texts import world
 from tests.unit.test_scenes_export import Random
 
 Array = NDArray[np.float64]
-
-
-def written(scene: SceneDescription, folder: Path) -> Path:
-    """The scene as a file in `folder`, its images beside it."""
-    exported = export(scene, "scene")
-    for name, image in exported.images.items():
-        write_exr(folder / name, {channel: image[..., i] for i, channel in enumerate("RGB")})
-    path = folder / "scene.pbrt"
-    path.write_text(exported.text)
-    return path
 
 
 class Rich(Random):

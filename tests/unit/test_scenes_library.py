@@ -15,9 +15,23 @@ from scenes.catalog import LIBRARY, find
 from scenes.description import BilinearMesh, Disk, SceneDescription, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError, SceneError
 from scenes.meshes import read_ply
+from scenes.template import ANY
 from tests.unit.scene_texts import HEAD, face_normals
 
-NAMES = ["disk-light", "knife-edge", "soft-shadow", "sphere-light", "touching-light"]
+NAMES = [
+    "cornell-direct", "disk-light", "environment-map", "forest", "furnace", "grazing", "knife-edge", "large-light", "many-lights",
+    "penumbra", "sealed-box", "sky", "soft-shadow", "sphere-light", "touching-light", "veach-mis",
+]  # fmt: skip
+ONE_LIGHT = [
+    "disk-light",
+    "grazing",
+    "knife-edge",
+    "large-light",
+    "penumbra",
+    "soft-shadow",
+    "sphere-light",
+    "touching-light",
+]
 
 
 def light_of(scene: SceneDescription) -> ShapeDescription:
@@ -63,14 +77,16 @@ def test_every_scene_tells_what_it_shows_and_what_can_be_set(entry: scenes.catal
     assert entry.doc.startswith(entry.title)
     assert entry.doc.count("\n") >= 3
     parameters = {parameter.name: parameter for parameter in entry.parameters}
-    assert (parameters["xresolution"].default, parameters["yresolution"].default) == (320, 240)
+    square = entry.name == "cornell-direct"
+    assert (parameters["xresolution"].default, parameters["yresolution"].default) == (240 if square else 320, 240)
     for parameter in entry.parameters:
-        assert parameter.meaning.startswith(("scene units: ", "pixels: ", "factor ")), parameter.meaning
+        assert parameter.meaning.startswith(("scene units: ", "pixels: ", "degrees: ", "factor")), parameter.meaning
+        assert parameter.interval != ANY
     scene = scenes.load(entry.name, {"xresolution": 64.0, "yresolution": 48.0})
     assert (scene.name, scene.film.width, scene.film.height) == (entry.name, 64, 48)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ONE_LIGHT)
 def test_every_scene_is_gray_but_for_its_one_light(name: str) -> None:
     scene = scenes.load(name)
     light = light_of(scene)
@@ -85,8 +101,8 @@ def test_every_scene_is_gray_but_for_its_one_light(name: str) -> None:
 def test_no_picture_is_mirrored(name: str) -> None:
     to_world = scenes.load(name).camera.camera_to_world
     assert to_world[0, 0] > 0.8  # +x lies to the right,
-    assert to_world[1, 1] > 0.8  # +y up,
-    assert to_world[2, 2] > 0.8  # and the view goes along +z
+    assert to_world[1, 1] > 0.7  # +y up,
+    assert to_world[2, 2] > 0.7  # and the view goes along +z
 
 
 def test_a_scene_is_found_by_path_too(tmp_path: Path) -> None:
@@ -100,7 +116,10 @@ def test_a_scene_is_found_by_path_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("soft-shadows", "unknown scene 'soft-shadows'; there are: disk-light, knife-edge, soft-shadow"),
+        (
+            "soft-shadows",
+            "unknown scene 'soft-shadows'; there are: cornell-direct, disk-light, environment-map, forest",
+        ),
         ("gone.pbrt", "there is no scene file 'gone.pbrt'"),
         ("some/where", "there is no scene file"),
         (str(LIBRARY), "is no file"),
@@ -119,8 +138,8 @@ def test_parameters_of_another_scene_are_refused() -> None:
         scenes.load("soft-shadow", {"gap": 0.1})
     with pytest.raises(PenumbraError, match="finite"):
         scenes.load("touching-light", {"gap": float("nan")})
-    with pytest.raises(SceneError, match=r"touching-light.pbrt:.*\$xresolution = 0.5 is not a whole number"):
-        scenes.load("touching-light", {"xresolution": 0.5})
+    with pytest.raises(SceneError, match=r"touching-light.pbrt:.*\$xresolution = 1.5 is not a whole number"):
+        scenes.load("touching-light", {"xresolution": 1.5})
 
 
 @pytest.mark.parametrize("size", [0.35, 0.01, 1.1])
