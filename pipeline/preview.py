@@ -188,7 +188,7 @@ def _camera(pv: Any, plotter: Any, view: View) -> None:
     plotter.add_mesh(pv.Sphere(radius=0.012 * view.extent, center=eye), color=INK)
     if view.seen is not None:
         plotter.add_mesh(pv.Line(eye, view.seen), color="#118833", line_width=3)
-        plotter.add_mesh(pv.Sphere(radius=0.012 * view.extent, center=view.seen), color="#118833", lighting=False)
+        plotter.add_mesh(pv.Sphere(radius=0.006 * view.extent, center=view.seen), color="#118833", lighting=False)
 
 
 def _samples(pv: Any, plotter: Any, tried: Tried, extent: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from renderer.lights.environment import EnvironmentLights
 from renderer.lights.protocol import LIGHTS, LightKind, Source
 from renderer.materials.protocol import MATERIALS, MaterialKind
 from renderer.quadrics import Quadrics
-from renderer.shapes import all_quadrics, all_triangles, by_formula
+from renderer.shapes import all_quadrics, all_triangles, by_formula, without_skew
 from scenes.description import SceneDescription, ShapeDescription
 from scenes.errors import SceneError
 
@@ -102,7 +102,8 @@ class RenderScene:
 def build(scene: SceneDescription) -> RenderScene:
     """Arrays, BVH and lights of a scene. Raises SceneError where a shape or a light is beyond this renderer."""
     start = time.perf_counter()
-    shapes = scene.shapes
+    shapes = tuple(without_skew(s) for s in scene.shapes)
+    scene = replace(scene, shapes=shapes)
     sources, triangles, quadrics = _sources(scene), all_triangles(shapes), all_quadrics(shapes)
     lights = _lights(sources, triangles, quadrics)
     glowing = lights.of_triangle >= 0

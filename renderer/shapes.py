@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.arrays import Floats
 from renderer.intersect import Triangles, make_triangles
+from renderer.lights.rectangle import are_rectangles
 from renderer.quadrics import Quadrics, disk, join, rectangle, sphere, triangle
 from scenes.description import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.errors import SceneError
 
 # Emitting meshes of up to so many faces are met by formula, in float64: each face costs every ray some 20 ns there.
 FEW = 64
@@ -61,6 +64,16 @@ def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
     return make_triangles(
         np.concatenate(vertices), np.concatenate(faces), np.concatenate(shape), np.concatenate(reverse)
     )
+
+
+def without_skew(shape: ShapeDescription) -> ShapeDescription:
+    """The shape; one that emits from patches which are no rectangles, as the triangles that these are made of."""
+    g = shape.geometry
+    if shape.emission is None or not isinstance(g, BilinearMesh) or are_rectangles(g):
+        return shape
+    if shape.emission.image is not None:
+        raise SceneError("a light with an image must be a rectangle; this patch is not", shape.where)
+    return replace(shape, geometry=TriangleMesh(g.vertices, split(g.faces), g.reverse))
 
 
 def split(patches: NDArray[np.int64]) -> NDArray[np.int64]:
