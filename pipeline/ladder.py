@@ -43,18 +43,21 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 class Rung(BaseModel):
-    """One estimator at one distance h, in units of the light's size. truth, mean, se: reflected radiance, W/(m^2 sr)."""
+    """One estimator at one distance h, in units of the light's size. truth, mean, se: reflected radiance, W/(m^2 sr).
 
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
+    mean, se and max_share are None where the estimator was refused; hill is None without a tail to speak of.
+    """
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="null")
 
     light: str
     geometry: str
     estimator: str
     h: float
     truth: float
-    mean: float
-    se: float
-    max_share: float
+    mean: float | None
+    se: float | None
+    max_share: float | None
     hill: float | None
     nonfinite: int
     verdict: Literal["ok", "untrustworthy", "refused"]
@@ -143,7 +146,7 @@ def _rungs(name: str, geometry: str, h: float, samples: int, seed: int) -> Itera
         truth = REFLECTANCE / np.pi * LE * setting.irradiance
         shared = {"light": name, "geometry": geometry, "estimator": label, "h": h, "truth": truth}
         if why:
-            empty = {"mean": np.nan, "se": np.nan, "max_share": np.nan, "hill": None, "nonfinite": 0}
+            empty = {"mean": None, "se": None, "max_share": None, "hill": None, "nonfinite": 0}
             yield Rung.model_validate(shared | empty | {"verdict": "refused", "reason": why})
             continue
         values = _samples(built, plan, setting.point, label, samples, seed)
@@ -159,7 +162,7 @@ def _judged(values: Array) -> dict[str, object]:
         "mean": float(values.mean()),
         "se": float(values.std(ddof=1) / np.sqrt(values.size)),
         "max_share": verdict.max_share,
-        "hill": verdict.hill,
+        "hill": verdict.hill if verdict.hill is not None and np.isfinite(verdict.hill) else None,
         "nonfinite": int(values.size - finite.size),
         "verdict": verdict.verdict if found else "untrustworthy",
         "reason": verdict.reason if found else nothing,

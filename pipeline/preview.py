@@ -140,8 +140,8 @@ def _shape(pv: Any, plotter: Any, shape: ShapeDescription, veiled: bool, extent:
     material = shape.material
     gray = material.reflectance if isinstance(material, Diffuse) else np.full(3, 0.6)
     colour = gray if isinstance(gray, np.ndarray) else np.full(3, 0.6)
-    tuple_ = tuple(np.clip(0.15 + 0.85 * np.sqrt(colour), 0, 1))
-    plotter.add_mesh(mesh, color=tuple_, opacity=0.12 if veiled else 1.0, ambient=0.4, diffuse=0.6)
+    shade = tuple(np.clip(0.15 + 0.85 * np.sqrt(colour), 0, 1))
+    plotter.add_mesh(mesh, color=shade, opacity=0.12 if veiled else 1.0, ambient=0.4, diffuse=0.6)
 
 
 def _mesh(pv: Any, shape: ShapeDescription) -> Any:

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-LIBRARIES = ("numpy", "embreex", "trimesh")  # what the images' bits depend on besides our own sources
+LIBRARIES = ("numpy", "scipy", "embreex", "trimesh")  # what the images' bits depend on besides our own sources
 
 
 @cache

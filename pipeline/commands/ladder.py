@@ -46,6 +46,6 @@ def ladder(
     speaker.table(("light", "geometry", "estimator", "h", "truth", "mean +- se", "verdict", "why"), cells)
 
 
-def _estimate(verdict: str, mean: float, se: float) -> str:
+def _estimate(verdict: str, mean: float | None, se: float | None) -> str:
     """A number only where it may be believed."""
     return f"{mean:.5f} +- {se:.5f}" if verdict == "ok" else "-"

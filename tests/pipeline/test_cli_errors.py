@@ -33,7 +33,7 @@ MISTAKES = [
     ("render soft-shadow -o {tmp}/a.exr -D size=x", "-D size=x: write it as name=number, .*"),
     ("render soft-shadow -o {tmp}/a.exr -D size=1 -D size=2", "-D size=2: size is set twice"),
     ("render soft-shadow -o {tmp}/a.exr -D gap=1", "the scene has no parameter 'gap'; it has: .*"),
-    ("reference soft-shadow -o {tmp}/a.exr --backend prbt", "unknown reference backend 'prbt'; there are: closed-form, mitsuba, pbrt, self"),
+    ("reference soft-shadow -o {tmp}/a.exr --backend prbt", "unknown reference backend 'prbt'; there are: closed-form, closed-form-edge, mitsuba, pbrt, self"),
     ("reference soft-shadow --batches 8", "--batches 8: at least 64 are needed for a variance that tests can trust"),
     ("reference soft-shadow --target-se 2", "--target-se 2: a number between 0 and 1 is needed, .*"),
     ("reference soft-shadow --quantity light", "--quantity light: there are radiance, ambient-occlusion"),

@@ -45,7 +45,7 @@ MISTAKES = [
     ('"area", "solid-angle"', '"aera"', "study[0].axes.estimator: unknown estimator 'aera'; there are: " + ", ".join(ESTIMATORS.names())),
     ('"independent", "sobol"', '"halton"', "study[0].axes.sampler: unknown sampler 'halton'; there are: independent"),
     ('metrics = ["mse"]', 'metrics = ["l2"]', "study[0].metrics: unknown metric 'l2'; there are: " + ", ".join(METRICS.names())),
-    ('"mitsuba"', '"prbt"', "study[0].reference.backend: unknown reference backend 'prbt'; there are: closed-form, mitsuba"),
+    ('"mitsuba"', '"prbt"', "study[0].reference.backend: unknown reference backend 'prbt'; there are: closed-form, closed-form-edge, mitsuba"),
     ("spp = 640", "spp = 63", "study[0].reference: spp = 63 cannot be dealt to batches = 64"),
     ("spp = 640", "ssp = 640", "study[0].reference.ssp: unknown key; allowed here: backend, spp, batches, seed (did you mean spp?)"),
     ("[64]", "[nan]", "study[0].axes.parameters.xresolution[0]: input should be a finite number, not nan"),

@@ -68,22 +68,22 @@ def test_the_floor_s_radiance_is_the_light_that_the_edge_leaves(name: str, param
 
 @pytest.mark.parametrize(("name", "parameters"), CASES)
 def test_a_pixel_is_the_mean_over_its_square(name: str, parameters: dict[str, float]) -> None:
-    """Against 48 x 48 midpoints in each pixel: an error of up to 1/48 of a step where an edge cuts the pixel, far less elsewhere."""
-    description = scene(name, parameters)
+    """Against 24 x 24 midpoints in each pixel: up to half of 1/24 of a step where an edge cuts a pixel, in one row of 16; far less elsewhere."""
+    description = scenes.load(name, {"xresolution": 16, "yresolution": 16, **parameters})
     edge, film = analyse_edge(description), film_plane(description.camera, description.film)
     mean, bound, _ = edge_image(edge, film)
-    share = (np.arange(48) + 0.5) / 48
+    share = (np.arange(24) + 0.5) / 24
     low, high = film.squares(np.arange(film.pixels))[:, 0], film.squares(np.arange(film.pixels))[:, 2]
     total = np.zeros_like(mean)
     for u in share:
         for v in share:
-            total += seen_radiance(edge, film, low + (high - low) * np.array([u, v, 0.0])) / 48**2
+            total += seen_radiance(edge, film, low + (high - low) * np.array([u, v, 0.0])) / 24**2
     largest = mean.max()
     assert bound.max() < 1e-6 * largest
     apart = np.abs(mean - total).max(axis=1) / largest
-    assert apart.max() < 0.02
-    assert np.median(apart) < 1e-5
-    assert abs(mean.mean() / total.mean() - 1) < 2e-4
+    assert apart.max() < 0.03
+    assert np.median(apart) < 3e-5
+    assert abs(mean.mean() / total.mean() - 1) < 2e-3
 
 
 def test_the_renderer_agrees() -> None:
@@ -143,14 +143,13 @@ TILT = np.array([[1.0, 0, 0], [0, 0.999, 0.0447], [0, -0.0447, 0.999]])
 
 @pytest.mark.parametrize(("size", "height"), [(0.5, 1.0), (1.0, 2.5), (2.0, 1.0), (4.0, 0.5)])
 def test_the_width_is_that_of_the_closed_form(size: float, height: float) -> None:
-    """In the exact image to a twentieth of a row, or 1 %; and a small light's exact width is 0.9 of that by similar triangles."""
+    """In the exact image to 0.7 of a row, by which pixels blur it, or 1 %; exactly, 0.9 of that by similar triangles or less."""
     description = scenes.load(
-        "penumbra", {"xresolution": 16, "yresolution": 16, "light_size": size, "occluder_height": height}
+        "penumbra", {"xresolution": 96, "yresolution": 96, "light_size": size, "occluder_height": height}
     )
-    tall = replace(description, film=replace(description.film, height=320, width=160))
-    found = width_of(EdgeBackend().render(tall, ReferenceRequest()).mean, tall)
+    found = width_of(EdgeBackend().render(description, ReferenceRequest()).mean, description)
     assert found.similar_triangles == pytest.approx(size * height / (4 - height), rel=1e-12)
-    assert found.measured == pytest.approx(found.exact, rel=0.01, abs=0.1 * found.pixel)
+    assert found.measured == pytest.approx(found.exact, rel=0.01, abs=0.7 * found.pixel)
     assert 0.84 < found.exact / found.similar_triangles <= 0.9
 
 
@@ -165,7 +164,7 @@ def test_the_width_of_a_noisy_image_is_found_too() -> None:
 
 def test_a_width_that_cannot_be_seen_is_no_width() -> None:
     description = scene("penumbra", {})
-    with pytest.raises(PenumbraError, match="not wholly in view: the light is nowhere 95% visible"):
+    with pytest.raises(PenumbraError, match="not wholly in view: the light is nowhere 5% visible"):
         width_of(np.zeros((24, 24, 3)), description)
     with pytest.raises(SceneError, match="one area light, one floor and one sheet"):
         width_of(np.zeros((24, 24, 3)), scene("soft-shadow", {}))
