@@ -24,7 +24,6 @@ from pipeline.commands.report import report
 from pipeline.commands.run import demo, run
 from pipeline.commands.verify import verify
 from pipeline.commands.width import width
-from scenes.catalog import ALLOW_OUTSIDE
 
 EXAMPLES = """Examples:
 
@@ -42,6 +41,7 @@ EXAMPLES = """Examples:
   penumbra preview soft-shadow -o preview.png --pixel 150,180
   penumbra ladder                             a light comes down on a floor
   penumbra agreement soft-shadow              do all estimators agree?
+  penumbra width runs/penumbra                penumbrae against the closed form
   penumbra list scenes                        estimators, samplers, metrics ...
   penumbra doctor                             what works on this machine
 
@@ -84,6 +84,8 @@ def everywhere(
 ) -> None:
     """Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with intervals."""
     if allow_outside:
+        from scenes.catalog import ALLOW_OUTSIDE
+
         os.environ[ALLOW_OUTSIDE] = "1"
 
 
