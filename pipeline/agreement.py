@@ -22,10 +22,12 @@ from pipeline.statistics.numerics import normal_tail
 from pipeline.statistics.welch import Moments, compare_images, sidak_level, vary_alike
 from renderer import RenderResult, build, render
 from renderer.build import RenderScene
+from renderer.estimators.direction_sampling import DirectionSampling
 from renderer.estimators.protocol import ESTIMATORS, RADIANCE
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
 
+FLOAT32 = 1e-6  # of the image mean: a few units in the last place of the sums that a float32 renderer makes
 LEAST_SPP = 16  # below, the spread of a pixel's samples says too little of their variance
 
 
@@ -72,10 +74,11 @@ class Agreement(_Row):
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An image to be compared: its name and its moments."""
+    """An image to be compared: its name and its moments. by_chance: whether its samples met lights by chance."""
 
     name: str
     moments: Moments
+    by_chance: bool = False
 
 
 def agreement(
@@ -108,7 +111,7 @@ def agreement(
             update(i + 1)
     if reference is not None:
         label, image = reference
-        candidates.append(Candidate(label, Moments(image.mean, image.variance, image.batches - 1, image.spp)))
+        candidates.append(Candidate(label, _of_reference(image)))
     if len(candidates) < 2:
         raise PenumbraError(f"scene {scene.name!r}: fewer than two images are left to compare")
     level = sidak_level(alpha, len(candidates) * (len(candidates) - 1))  # two families a pair
@@ -147,11 +150,20 @@ def _render(built: RenderScene, name: str, spp: int, seed: int, threads: int) ->
         se=_standard_error(result.variance),
         seconds=result.seconds.cpu,
     )
-    return member, Candidate(name, _moments(result, spp)) if found.verdict == "ok" else None
+    return member, Candidate(
+        name, _moments(result, spp), isinstance(ESTIMATORS[name], DirectionSampling)
+    ) if found.verdict == "ok" else None
 
 
 def _moments(result: RenderResult, spp: int) -> Moments:
     return Moments(result.image, result.variance, spp - 1, samples=spp)
+
+
+def _of_reference(image: ReferenceImage) -> Moments:
+    """A reference's moments; an exact one has no samples. What float32 may have left where the truth is 0 counts as noise."""
+    dust = FLOAT32 * float(np.abs(image.mean).mean())
+    samples = image.spp or None
+    return Moments(image.mean, image.variance + dust * dust, image.batches - 1 if samples else np.inf, samples)
 
 
 def _standard_error(variance: NDArray[np.float64]) -> float:
@@ -162,9 +174,10 @@ def _standard_error(variance: NDArray[np.float64]) -> float:
 
 def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
     families = compare_images(a.moments, b.moments, alpha=level)[:2]
-    # Where one side finds light by chance, a region may have found none at all and show no variance: only the image is tested.
+    # Where one side finds light by chance, a region's few finds are far from normal, or none: only the image is tested.
     alike = vary_alike(a.moments, b.moments) and vary_alike(b.moments, a.moments)
-    families = families if alike else families[:1]
+    exact = a.moments.samples is None or b.moments.samples is None
+    families = families if (alike or exact) and not (a.by_chance or b.by_chance) else families[:1]
     image = families[0]
     ours, theirs = float(a.moments.mean.mean()), float(b.moments.mean.mean())
     error = np.hypot(_standard_error(a.moments.variance), _standard_error(b.moments.variance))

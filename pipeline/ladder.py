@@ -124,6 +124,8 @@ def climb(
     for name in lights:
         if name not in LIGHTS:
             raise PenumbraError(f"no ladder for light {name!r}; there are: {', '.join(LIGHTS)}")
+    if seed < 0:
+        raise PenumbraError(f"seed is {seed}: seeds are 0 or more")
     if samples < 100:
         raise PenumbraError(f"{samples} samples: the verdict on a tail needs at least 100")
     for name in lights:

@@ -17,12 +17,13 @@ TOLERANCE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class ShapeBounds:
-    """points: (m, 3), whose hull with the balls or disk of `radius` about them holds the shape. normal: (3,) if planar."""
+    """points: (m, 3), whose hull with the balls or disk of `radius` about them holds the shape. normal: (3,) if planar. one_way: whether all faces turn the same way."""
 
     points: Floats
     radius: float = 0.0
     disk: Floats | None = None
     normal: Floats | None = None
+    one_way: bool = True
 
     def extent(self, directions: Floats) -> tuple[Floats, Floats]:
         """Least and greatest of n . x over the shape, for unit directions (q, 3). Two (q,) arrays, exact but for rounding."""
@@ -42,7 +43,15 @@ def shape_bounds(shape: ShapeDescription) -> ShapeBounds:
     if isinstance(g, Disk):
         return ShapeBounds(g.center[None], g.radius, disk=g.normal, normal=g.normal)
     used = g.vertices[np.unique(g.faces)]
-    return ShapeBounds(used, normal=_plane(g.vertices[g.faces[:, :3]], used, -1.0 if g.reverse else 1.0))
+    corners = g.vertices[g.faces[:, :3]]
+    normal = _plane(corners, used, -1.0 if g.reverse else 1.0)
+    return ShapeBounds(used, normal=normal, one_way=normal is None or _one_way(corners, normal))
+
+
+def _one_way(corners: Floats, normal: Floats) -> bool:
+    """Whether all faces of a planar mesh are on the same side of its plane, or of none. corners: (t, 3, 3). normal: (3,)."""
+    along = np.einsum("tc,c->t", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), normal)
+    return bool((along >= 0).all() or (along <= 0).all())
 
 
 def _plane(corners: Floats, points: Floats, turn: float) -> Floats | None:

@@ -91,9 +91,10 @@ def _faces_camera(e: Extents) -> NDArray[np.int64]:
 
 
 def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:
-    """The row of a flat light's plane, or -1 if it is no shape, is not flat or emits on both sides."""
+    """The row of a flat light's plane, or -1 if it is no shape, is not flat or emits to both sides."""
     shape = int(scene.sources.shape[source])
-    return -1 if shape < 0 or scene.two_sided[shape] else int(e.plane[shape])
+    one_sided = shape >= 0 and not scene.two_sided[shape] and scene.bounds[shape].one_way
+    return int(e.plane[shape]) if one_sided else -1
 
 
 def reach(scene: RenderScene, e: Extents) -> Bools:

@@ -119,7 +119,7 @@ class Quadrics:
         if kind == SPHERE:
             inwards = dot(o[:, None, :] - self.origin[:, block, None], d[:, None, :]) < 0
         # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if ahead.
-        return np.where(leaves, np.inf, near), np.where(leaves & ~inwards, np.inf, far)
+        return np.where(leaves, -np.inf, near), np.where(leaves & ~inwards, -np.inf, far)
 
     def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
         """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none. Flat quadrics have one."""

@@ -248,6 +248,10 @@ def _surface(
     """Points and normals of hits; normals on the side that the ray comes from."""
     p, n = _normals(scene, scene.camera.origin + d * t, triangle, quadric)
     n = np.where(dot(n, d) > 0, -n, n)
+    # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill its whole sky.
+    glowing = np.flatnonzero(scene.sources.of_shape[shape] >= 0)
+    if glowing.size:
+        p[:, glowing] += n.take(glowing, axis=1) * scene.touch
     uv = np.zeros((2, 1)) if scene.coordinates is None else scene.coordinates.at(p, triangle, quadric)
     return SurfaceHit(p, n, -d, shape, triangle, quadric, uv)
 

@@ -69,10 +69,12 @@ def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
 def without_skew(shape: ShapeDescription) -> ShapeDescription:
     """The shape; one that emits from patches which are no rectangles, as the triangles that these are made of."""
     g = shape.geometry
-    if shape.emission is None or not isinstance(g, BilinearMesh) or are_rectangles(g):
+    if shape.emission is None or (isinstance(g, BilinearMesh) and are_rectangles(g)):
         return shape
     if shape.emission.image is not None:
-        raise SceneError("a light with an image must be a rectangle; this patch is not", shape.where)
+        raise SceneError("a light with an image must be a rectangle; this one is not", shape.where)
+    if not isinstance(g, BilinearMesh):
+        return shape
     return replace(shape, geometry=TriangleMesh(g.vertices, split(g.faces), g.reverse))
 
 

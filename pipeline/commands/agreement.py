@@ -26,7 +26,12 @@ def agreement(
     spp: Annotated[int, typer.Option(help="Samples a pixel of each estimator, 16 at least.")] = 64,
     seed: Annotated[int, typer.Option(help="0 or more.")] = 0,
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm anywhere in the matrix.")] = 0.01,
-    backend: Annotated[str, typer.Option("--reference", help=f"See `penumbra list backends`; or {NONE}.")] = "mitsuba",
+    backend: Annotated[
+        str | None,
+        typer.Option(
+            "--reference", help=f"See `penumbra list backends`; or {NONE}. Mitsuba where it can, if not given."
+        ),
+    ] = None,
     reference_spp: Annotated[int, typer.Option(help="Samples a pixel of the reference.")] = 1024,
     cache: Annotated[
         Path | None,
@@ -75,16 +80,19 @@ def agreement(
 
 
 def _reference(
-    scene: SceneDescription, backend: str, spp: int, cache: Path | None, speaker: Speaker
+    scene: SceneDescription, asked: str | None, spp: int, cache: Path | None, speaker: Speaker
 ) -> tuple[str, ReferenceImage] | None:
-    """The reference, or None with a note where the backend cannot make one: the estimators still have each other."""
+    """The reference; None with a note where Mitsuba was not asked for and cannot make one: the estimators have each other."""
     from pipeline.backends import BACKENDS
     from pipeline.commands.reference import default_cache
     from pipeline.references.cache import reference_for
     from pipeline.references.protocol import ReferenceRequest
     from scenes.errors import PenumbraError
 
+    backend = asked or "mitsuba"
     if why := BACKENDS[backend].refuses(scene):
+        if asked:
+            raise PenumbraError(f"scene {scene.name}: no {backend} reference: {why}")
         speaker.note(f"no {backend} reference: {why}")
         return None
     if spp < 64:

@@ -92,3 +92,15 @@ def test_a_patch_that_is_no_rectangle_is_the_two_triangles_that_it_is_made_of():
         assert np.all(np.abs(mean - truth) < 4.5 * se + 1e-6 * truth), name
     turned = replace(lamp, geometry=replace(lamp.geometry, reverse=True))
     assert not reflect(build(scene([floor(), turned])), POINTS, UP, 0, "mis", 100)[0].any()
+
+
+def test_the_nearer_of_two_lamps_is_the_one_that_is_met():
+    """A dim rectangle before a bright mesh of many faces, and the other way round: chance and light sampling agree."""
+    for low, high in ((0.2, 5.0), (5.0, 0.2)):
+        near = light(sheet(1, y=0.8), (low, low, low))
+        built = build(scene([floor(), near, light(sheet(8), (high, high, high))]))
+        assert built.glow is not None
+        by_light, se = reflect(built, POINTS, UP, 0, "solid-angle", 40_000)
+        for name in ("cosine", "hemisphere", "mis"):
+            mean, error = reflect(built, POINTS, UP, 0, name, 40_000)
+            assert np.all(np.abs(mean - by_light) < 4.5 * np.hypot(se, error)), (name, low)
