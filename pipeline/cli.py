@@ -11,6 +11,7 @@ import typer
 
 from pipeline.commands.agreement import agreement
 from pipeline.commands.baseline import baseline
+from pipeline.commands.benchmark import benchmark
 from pipeline.commands.compare import compare
 from pipeline.commands.doctor import doctor
 from pipeline.commands.explain import explain
@@ -42,6 +43,7 @@ EXAMPLES = """Examples:
   penumbra ladder                             a light comes down on a floor
   penumbra agreement soft-shadow              do all estimators agree?
   penumbra width runs/penumbra                penumbrae against the closed form
+  penumbra benchmark                          how fast scene text is read
   penumbra list scenes                        estimators, samplers, metrics ...
   penumbra doctor                             what works on this machine
 
@@ -72,6 +74,7 @@ app.command("export")(export)
 app.command("preview")(preview)
 app.command("ladder")(ladder)
 app.command("agreement")(agreement)
+app.command("benchmark")(benchmark)
 app.command("list")(list_names)
 app.command("doctor")(doctor)
 

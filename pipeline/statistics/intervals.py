@@ -47,12 +47,12 @@ class ReplicateMse:
 
 
 def mean_interval(values: Array | Sequence[float], confidence: float = CONFIDENCE) -> Interval:
-    """Mean of independent, equally distributed values with Student's interval; nan ends for a single one. values: (r,)."""
+    """Mean of independent, equally distributed values with Student's interval; nan ends for a single one, and where one is infinite. values: (r,)."""
     x = np.asarray(values, dtype=np.float64)
     if x.size == 0:
         raise ValueError("no values")
     mean = float(np.mean(x))
-    if x.size == 1:
+    if x.size == 1 or not np.isfinite(x).all():
         return Interval(mean, math.nan, math.nan)
     half = float(student_tail((1 - confidence) / 2, x.size - 1) * np.std(x, ddof=1) / math.sqrt(x.size))
     return Interval(mean, mean - half, mean + half)

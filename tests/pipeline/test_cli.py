@@ -23,7 +23,7 @@ from scenes.parser import parse
 ROOT = Path(__file__).parents[2]
 SMALL = ["-D", "xresolution=24", "-D", "yresolution=18"]
 COMMANDS = (
-    "demo", "run", "report", "render", "reference", "baseline", "compare", "verify", "explain", "export", "ladder", "agreement", "preview", "width", "list", "doctor",
+    "demo", "run", "report", "render", "reference", "baseline", "compare", "verify", "explain", "export", "ladder", "agreement", "preview", "width", "benchmark", "list", "doctor",
 )  # fmt: skip
 
 Answer = tuple[int, str, str]

@@ -119,3 +119,8 @@ def test_intervals_over_replicates_cover(count: int) -> None:
 
 def test_replicates_that_are_all_alike_have_no_width() -> None:
     assert replicate_interval([2.0] * 12) == Interval(2.0, 2.0, 2.0)
+
+
+def test_a_value_without_bound_has_a_mean_and_no_interval() -> None:
+    found = mean_interval([1.0, float("inf"), 2.0])
+    assert found.value == float("inf") and np.isnan(found.low) and np.isnan(found.high)
