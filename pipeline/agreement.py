@@ -174,10 +174,10 @@ def _standard_error(variance: NDArray[np.float64]) -> float:
 
 def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
     families = compare_images(a.moments, b.moments, alpha=level)[:2]
-    # Where one side finds light by chance, a region's few finds are far from normal, or none: only the image is tested.
+    # Where one side finds light by chance, a region's few finds are far from normal, or none, and beside an exact image nothing
+    # tells how they would vary: only the image is tested.
     alike = vary_alike(a.moments, b.moments) and vary_alike(b.moments, a.moments)
-    exact = a.moments.samples is None or b.moments.samples is None
-    families = families if (alike or exact) and not (a.by_chance or b.by_chance) else families[:1]
+    families = families if alike and not (a.by_chance or b.by_chance) else families[:1]
     image = families[0]
     ours, theirs = float(a.moments.mean.mean()), float(b.moments.mean.mean())
     error = np.hypot(_standard_error(a.moments.variance), _standard_error(b.moments.variance))
