@@ -18,8 +18,7 @@ def profile(f: PixelFilter, x: np.ndarray) -> np.ndarray:
         return (np.abs(x) <= f.xradius).astype(float)
     if f.kind == "triangle":
         return np.maximum(0.0, f.xradius - np.abs(x))
-    gauss = lambda v: np.exp(-(v**2) / (2 * f.sigma**2))  # noqa: E731
-    return np.maximum(0.0, gauss(x) - gauss(f.xradius))
+    return np.maximum(0.0, np.exp(-(x**2) / (2 * f.sigma**2)) - np.exp(-(f.xradius**2) / (2 * f.sigma**2)))
 
 
 @pytest.mark.parametrize(
