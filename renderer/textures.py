@@ -29,7 +29,7 @@ def evaluate(texture: Texture, uv: Floats) -> Floats:
         return np.where(even, evaluate(texture.first, uv), evaluate(texture.second, uv))
     s, t = _mapped(texture.mapping, uv)
     look = bilinear if texture.filter == "bilinear" else nearest
-    return look(texture.image, np.stack([s, 1.0 - t]), texture.wrap)
+    return texture.value(look(texture.image, np.stack([s, 1.0 - t]), texture.wrap))
 
 
 def brightest(texture: Texture) -> Floats:
@@ -40,7 +40,8 @@ def brightest(texture: Texture) -> Floats:
         return brightest(texture.first) * brightest(texture.second)
     if isinstance(texture, Checkerboard | Mix):
         return np.maximum(brightest(texture.first), brightest(texture.second))
-    return texture.image.max(axis=(0, 1))
+    around = np.zeros((1, 3)) if texture.wrap == "black" else texture.image[0, :1]
+    return texture.value(np.concatenate([around, texture.image.reshape(-1, 3)])).max(axis=0)
 
 
 def is_constant(texture: Texture) -> bool:

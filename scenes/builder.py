@@ -16,6 +16,7 @@ from scenes.description import (
     Light,
     Material,
     PerspectiveCamera,
+    PixelFilter,
     RenderDefaults,
     Texture,
 )
@@ -25,6 +26,10 @@ from scenes.transforms import Transform, identity
 
 DEFAULT_REFLECTANCE = 0.5
 COUNT_LIMIT = 1_000_000  # of shapes, of lights, of names: a few GB
+
+# pbrt-v4's radii of its filters where a file gives none, and its filter where a file names none.
+FILTERS = {"box": 0.5, "triangle": 2.0, "gaussian": 1.5}
+UNSAID = PixelFilter("gaussian", FILTERS["gaussian"], FILTERS["gaussian"], 0.5)
 
 Array = NDArray[np.float64]
 
@@ -102,9 +107,9 @@ class Builder:
     report: Report = field(default_factory=Report)
     state: GraphicsState = field(default_factory=GraphicsState)
     in_world: bool = False
-    camera: PerspectiveCamera | None = None
+    camera: PerspectiveCamera = field(default_factory=lambda: PerspectiveCamera(np.eye(4), 90.0))
     screen_window: tuple[Array, Location] | None = None
-    film: Film = field(default_factory=lambda: Film(1280, 720))
+    film: Film = field(default_factory=lambda: Film(1280, 720, "", UNSAID))
     defaults: RenderDefaults = field(default_factory=RenderDefaults)
     occlusion_distance: float = np.inf
     materials: dict[str, MaterialUse] = field(default_factory=dict[str, MaterialUse])

@@ -17,7 +17,7 @@ from scenes.description import Environment, Light
 from scenes.errors import Report, Unsupported
 from scenes.parameters import Parameters
 from scenes.spectra import LUMINANCE
-from scenes.texels import image_of
+from scenes.texels import image_of, single
 from scenes.transforms import orthonormal
 
 Array = NDArray[np.float64]
@@ -128,5 +128,5 @@ def _sum(first: Environment, second: Environment, report: Report) -> Environment
     if first.image is None and second.image is None:
         return replace(first, radiance=first.radiance + second.radiance)
     light, constant = (first, second) if first.image is not None else (second, first)
-    image = light.radiance * light.image + constant.radiance if light.image is not None else None
+    image = single(light.radiance * light.image + constant.radiance) if light.image is not None else None
     return replace(light, radiance=np.ones(3), image=image, where=first.where)

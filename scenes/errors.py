@@ -30,13 +30,13 @@ class SceneError(PenumbraError):
     def __init__(self, message: str, location: Location | None = None, further: Sequence[str] = ()) -> None:
         self.message = _one_line(message)
         self.location = location
-        self._further = tuple(further)
+        self.further = tuple(further)
         first = f"{location}: {self.message}" if location else self.message
         super().__init__("\n".join([first, *further]))
 
     def __reduce__(self) -> tuple[type[SceneError], tuple[str, Location | None, tuple[str, ...]]]:
         """For workers in other processes, whose errors are pickled: the lines stay lines."""
-        return type(self), (self.message, self.location, self._further)
+        return type(self), (self.message, self.location, self.further)
 
 
 class Unsupported(SceneError):
@@ -63,11 +63,28 @@ class Report:
         """One SceneError that lists the places, a line each and the first as its own, if there are any."""
         if not self._found:
             return
-        (message, where), lines = next(iter(self._found.values())), list(self._found)[1:]
+        lines = self._lines()
+        message, where = self._found[lines[0]]
+        raise SceneError(message, where, lines[1:])
+
+    def behind(self, error: SceneError) -> SceneError:
+        """`error` with the places listed behind it; itself where there are none, or where it is of this report."""
+        lines = self._lines()
+        if not lines or str(error).startswith(lines[0]):
+            return error
+        return SceneError(error.message, error.location, [*error.further, *lines])
+
+    def _lines(self) -> list[str]:
+        """The places in the order of each file, the files in the order in which something was found in them."""
         more = self._count - len(self._found)
-        if more:
-            lines.append(f"and {more} more places that ask for what is not supported")
-        raise SceneError(message, where, lines)
+        rest = [f"and {more} more places that ask for what is not supported"] if more else []
+        files = list(dict.fromkeys(where.file for _, where in self._found.values()))
+
+        def place(line: str) -> tuple[int, int, int]:
+            where = self._found[line][1]
+            return files.index(where.file), where.line, where.column
+
+        return [*sorted(self._found, key=place), *rest]
 
 
 def _one_line(text: str) -> str:

@@ -79,8 +79,9 @@ class Surfaces:
             case ImageTexture():
                 if type_ == "float":
                     _check_gray(texture.image)
+                _check_kind(texture, type_)
                 look = f'"string filter" "{texture.filter}" "string wrap" "{texture.wrap}"'
-                return f'"imagemap" "string filename" {self.files.add(texture.image)} {look}{_mapping(texture.mapping)}'
+                return f'"imagemap" "string filename" {self.files.add(texture.image)} {look}{_value(texture)}{_mapping(texture.mapping)}'
             case Checkerboard():
                 parts = self._parts({"tex1": (type_, texture.first), "tex2": (type_, texture.second)}, lines)
                 return f'"checkerboard" {parts}{_mapping(texture.mapping)}'
@@ -107,6 +108,17 @@ def _check_gray(values: Array) -> None:
         raise PenumbraError(
             "a texture is multiplied or mixed by colours; pbrt does so by numbers, so that there is no text for it"
         )
+
+
+def _check_kind(texture: ImageTexture, type_: str) -> None:
+    """pbrt bounds colours by 1 and numbers not."""
+    if texture.clamped != (type_ == "spectrum") and texture.value(texture.image).max(initial=0.0) > 1:
+        raise PenumbraError(f"an image texture exceeds 1 or is cut off there as no {type_} texture of pbrt's is")
+
+
+def _value(texture: ImageTexture) -> str:
+    scale = "" if texture.scale == 1 else f' "float scale" [ {texture.scale!r} ]'
+    return scale + (' "bool invert" [ true ]' if texture.invert else "")
 
 
 def _mapping(mapping: UVMapping) -> str:

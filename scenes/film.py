@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenes.builder import Builder, must_be, refuse_kind
+from scenes.builder import FILTERS, Builder, must_be, refuse_kind
 from scenes.description import Film, PerspectiveCamera, PixelFilter
-from scenes.errors import SceneError, Unsupported
+from scenes.errors import Location, SceneError, Unsupported
 from scenes.parameters import Parameters
 from scenes.transforms import rigid
 
 FILM_LIMIT = 65_535
+SAME_WINDOW = 1e-4  # relative; files write 1.7778 for 16 / 9
 RADIUS_LIMIT = 16.0  # pixels
 SENSOR_LIMIT = 1e6  # pbrt's own, on what a pixel's sample may be
 
-# pbrt-v4's radii where the file gives none.
-FILTERS = {"box": 0.5, "triangle": 2.0, "gaussian": 1.5}
+Array = NDArray[np.float64]
 
 
 def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -36,26 +37,39 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
         1.0,
         "pbrt exposes by it, and only from 0 to 1 is the image linear radiance",
     )
-    window = parameters.numbers("screenwindow")
-    if window is not None:
-        if len(window) != 4:
-            raise parameters.fail("screenwindow", f"screenwindow is four numbers, not {len(window)}")
-        builder.screen_window = (window, parameters.located("screenwindow"))
+    builder.screen_window = _window(parameters)
     to_world = rigid(builder.state.transform)
     if to_world is None:
         raise SceneError("the camera's transformation stretches or shears space", parameters.where)
     builder.camera = PerspectiveCamera(to_world, fov)
 
 
+def _window(parameters: Parameters) -> tuple[Array, Location] | None:
+    """The part of the screen that the film shows, as `screenwindow` gives it or else `frameaspectratio`; None if neither does."""
+    frame, window = parameters.number("frameaspectratio", 1.0), parameters.numbers("screenwindow")
+    if not frame > 0:
+        raise parameters.fail("frameaspectratio", f"frameaspectratio must be positive, not {frame:g}")
+    if window is None:
+        x, y = max(frame, 1.0), max(1 / frame, 1.0)
+        given = parameters.given("frameaspectratio")
+        return (np.array([-x, x, -y, y]), parameters.located("frameaspectratio")) if given else None
+    if len(window) != 4:
+        raise parameters.fail("screenwindow", f"screenwindow is four numbers, not {len(window)}")
+    return window, parameters.located("screenwindow")
+
+
 def check_window(builder: Builder) -> None:
-    """Report a `screenwindow` that is not what the film's shape gives: the shorter side from -1 to 1."""
+    """Report a window of the screen that is not what the film's shape gives: the shorter side from -1 to 1."""
     if builder.screen_window is None:
         return
     window, where = builder.screen_window
     short = min(builder.film.width, builder.film.height)
     x, y = builder.film.width / short, builder.film.height / short
-    if np.abs(window - np.array([-x, x, -y, y])).max() > 1e-6:
-        builder.report.add(f"screenwindow is not supported but for the film's own, {-x:g} {x:g} {-y:g} {y:g}", where)
+    if np.abs(window - np.array([-x, x, -y, y])).max() > SAME_WINDOW * max(x, y):
+        builder.report.add(
+            f"frameaspectratio and screenwindow are not supported but for the film's own, {x / y:g} and {-x:g} {x:g} {-y:g} {y:g}",
+            where,
+        )
 
 
 def film(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -85,6 +99,12 @@ def _whole_film(parameters: Parameters, size: list[int]) -> None:
     window, bounds = parameters.numbers("cropwindow"), parameters.integers("pixelbounds")
     if window is not None and window.tolist() != [0, 1, 0, 1]:
         parameters.unsupported("cropwindow", "cropwindow is not supported: the whole film is rendered")
+    for name, count in (
+        ("cropwindow", 4 if window is None else len(window)),
+        ("pixelbounds", 4 if bounds is None else len(bounds[0])),
+    ):
+        if count != 4:
+            raise parameters.fail(name, f"{name} is four numbers, not {count}")
     if bounds is not None and bounds[0].tolist() != [0, size[0], 0, size[1]]:
         parameters.unsupported("pixelbounds", "pixelbounds is not supported: the whole film is rendered")
 

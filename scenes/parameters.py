@@ -23,6 +23,9 @@ TYPES = (
 )  # fmt: skip
 SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of older files
 INT32_MAX = 2**31 - 1
+# What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is meant for other kinds, it is
+# reported all the same wherever it would have an effect.
+EFFECTIVE = ("normalmap", "displacement")
 
 T = TypeVar("T")
 Resolve = Callable[[str], Path]
@@ -64,7 +67,10 @@ class Parameters:
             self._given[item.name] = item
         self._unread = dict(self._given)
         for item in defaults:
-            self._given.setdefault(item.name, item)
+            if item.name not in self._given:
+                self._given[item.name] = item
+                if item.name in EFFECTIVE:
+                    self._unread[item.name] = item
 
     def located(self, name: str) -> Location:
         """Where `name` was given; where the directive stands if it was not."""

@@ -6,8 +6,8 @@ diffuse area lights; materials diffuse and conductor (rough); textures constant,
 diffuse reflectance; pixel filters box, triangle and gaussian. A file that asks for anything else is refused with one
 message that lists all such places; what is malformed is an error at once, at its place.
 
-Where a file says nothing of filter, integrator or sampler, ours hold: the box filter of one pixel, direct light,
-independent samples (pbrt's would be a gaussian, five bounces, zsobol). `scenes.export` always writes them out.
+Where a file says nothing, pbrt's defaults hold: its camera, its film, its gaussian filter of 1.5 pixels. Two are ours: without an
+`Integrator` it is direct light (pbrt's would go on for five bounces), without a `Sampler` independent samples (pbrt's are zsobol).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from scenes.description import (
 )
 from scenes.emission import lit
 from scenes.environment import added_up
+from scenes.errors import SceneError
 from scenes.files import Files
-from scenes.film import check_window
 from scenes.instances import written_out
 from scenes.materials import resolved
 from scenes.reader import Reader
@@ -65,9 +65,12 @@ def parse_source(source: Source, parameters: Values | None, name: str, allow_out
     header = read_header(source)
     bindings = Bindings(header, parameters or {})
     reader = Reader(source, header, bindings, Files(source.folder or Path(), allow_outside))
-    reader.run()
-    with np.errstate(all="ignore"):
-        scene = _described(reader.builder, name, tuple(bindings.values.items()))
+    try:
+        reader.run()
+        with np.errstate(all="ignore"):
+            scene = _described(reader.builder, name, tuple(bindings.values.items()))
+    except SceneError as error:  # of what is malformed: what was found to be unsupported up to there is told with it
+        raise reader.builder.report.behind(error) from None
     bindings.check_used()
     return scene
 
@@ -75,13 +78,11 @@ def parse_source(source: Source, parameters: Values | None, name: str, allow_out
 def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float], ...]) -> SceneDescription:
     """What was read as a description; SceneError listing all that it asks for and is not supported."""
     report = builder.report
-    check_window(builder)
     lights = added_up(builder.lights, report)
     report.check()  # before what is built of it: a part that was left out would make errors of its own
     placed = [*builder.shapes, *written_out(builder.uses, builder.objects, report)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
-    assert builder.camera is not None
     return SceneDescription(
         name, builder.camera, builder.film, shapes, lights, builder.occlusion_distance, builder.defaults, parameters
     )

@@ -12,6 +12,7 @@ from scenes.builder import Builder, NamedMaterial, check_room
 from scenes.directives import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
 from scenes.errors import SceneError, Unsupported
 from scenes.files import Files
+from scenes.film import check_window
 from scenes.parameters import Parameters
 from scenes.sampling import option
 from scenes.stream import TokenStream
@@ -27,6 +28,9 @@ class Reader:
 
     def __init__(self, source: Source, header: Header, bindings: Bindings, files: Files) -> None:
         self.builder = Builder()
+        self._problem: SceneError | None = (
+            None  # the first one of values; reading goes on for what else is not supported
+        )
         self._tokens = TokenStream(source, header.end, files)
         self._syntax = Syntax(self._tokens, bindings, self.builder.report)
         self._blocks = Blocks(self.builder)
@@ -70,11 +74,11 @@ class Reader:
                         self._directive(token)
                 except Unsupported as problem:
                     self.builder.report.add(problem.message, problem.location or token.where)
+        if self._problem is not None:
+            raise self._problem
         self._blocks.check_closed()
         if not self.builder.in_world:
             raise SceneError("the scene has no WorldBegin", self._tokens.end())
-        if self.builder.camera is None:
-            raise SceneError("the scene has no Camera", self._tokens.end())
 
     def _directive(self, token: Token) -> None:
         name = token.text
@@ -101,8 +105,17 @@ class Reader:
         handler, target = WORLD[token.text] if token.text in WORLD else ANYWHERE[token.text]
         kind = self._syntax.string(token)
         parameters = self._syntax.parameters(token, self.builder.state.attributes.get(target, ()))
-        handler(self.builder, kind, parameters)
-        parameters.finish()
+        self._mean(parameters, lambda: handler(self.builder, kind, parameters))
+
+    def _mean(self, parameters: Parameters, handle: Callable[[], None]) -> None:
+        """What a directive with parameters means, once it is read whole."""
+        try:
+            handle()
+            parameters.finish()
+        except Unsupported:
+            raise
+        except SceneError as problem:
+            self._problem = self._problem or problem
 
     def _one_option(self, token: Token) -> None:
         if self.builder.in_world:
@@ -112,8 +125,7 @@ class Reader:
         self.builder.seen.add(token.text)
         kind = self._syntax.string(token)
         parameters = self._syntax.parameters(token)
-        OPTIONS[token.text](self.builder, kind, parameters)
-        parameters.finish()
+        self._mean(parameters, lambda: OPTIONS[token.text](self.builder, kind, parameters))
 
     def _need_world(self, token: Token) -> None:
         if not self.builder.in_world:
@@ -122,6 +134,7 @@ class Reader:
     def _world_begin(self, token: Token) -> None:
         if self.builder.in_world:
             raise SceneError("WorldBegin is given twice", token.where)
+        check_window(self.builder)
         self.builder.in_world = True
         self.builder.state = replace(self.builder.state, transform=identity())
         self.builder.systems["world"] = identity()
@@ -136,8 +149,7 @@ class Reader:
     def _texture(self, token: Token) -> None:
         name, type_, kind = (self._syntax.string(token) for _ in range(3))
         parameters: Parameters = self._syntax.parameters(token, self.builder.state.attributes.get("texture", ()))
-        texture(self.builder, name, type_, kind, parameters)
-        parameters.finish()
+        self._mean(parameters, lambda: texture(self.builder, name, type_, kind, parameters))
 
     def _import(self, token: Token) -> None:
         name = self._syntax.string(token)

@@ -22,15 +22,35 @@ class UVMapping:
 
 @dataclass(frozen=True, eq=False)
 class ImageTexture:
-    """An image laid on a surface. image: (h, w, 3) float64, linear RGB, the first row at t = 1, scale and inversion already in it.
+    """An image laid on a surface. image: (h, w, 3) float64, linear RGB, none below 0, the first row at t = 1.
 
-    wrap: "repeat", "black" or "clamp". filter: "bilinear" or "point".
+    wrap: "repeat", "black" or "clamp". filter: "bilinear" or "point". What it finds is multiplied by `scale`, taken from 1 if
+    `invert`, cut off below 0 and, if `clamped` as colours are in pbrt and numbers are not, above 1.
     """
 
     image: Array
     mapping: UVMapping = UVMapping()
     wrap: str = "repeat"
     filter: str = "bilinear"
+    scale: float = 1.0
+    invert: bool = False
+    clamped: bool = True
+
+    def value(self, found: Array) -> Array:
+        """What the texture is where the image, looked up, is `found`: an array of the same shape."""
+        scaled = found * self.scale
+        return np.clip(1.0 - scaled if self.invert else scaled, 0.0, 1.0 if self.clamped else None)
+
+    def plain(self) -> ImageTexture | None:
+        """The same texture by its texels alone; None where a bound lies between looking up and the value, which no texels can do.
+
+        Exact but for rounding: a mean of texels goes through what is linear, and the nearest one through anything.
+        """
+        top = float(self.image.max(initial=0.0)) * self.scale
+        bounded = top > 1.0 and (self.clamped or self.invert)
+        if (self.invert and self.wrap == "black") or (bounded and self.filter != "point"):
+            return None
+        return ImageTexture(self.value(self.image), self.mapping, self.wrap, self.filter, clamped=self.clamped)
 
 
 @dataclass(frozen=True, eq=False)

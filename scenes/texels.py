@@ -13,7 +13,7 @@ TEXELS = 2**27  # of all images of a scene: 3.2 GB as they are held
 
 
 def image_of(builder: Builder, parameters: Parameters, name: str, encoding: str = "sRGB") -> NDArray[np.float64]:
-    """The image file `name`, which the parameter "filename" gives: (h, w, 3) float64, linear RGB, nothing below 0.
+    """The image file `name`, which the parameter "filename" gives: (h, w, 3) float64, linear RGB, nothing below 0, rounded to float32.
 
     encoding: as `images.read_texture` takes it. SceneError at the parameter where it cannot be read.
     """
@@ -21,7 +21,7 @@ def image_of(builder: Builder, parameters: Parameters, name: str, encoding: str 
 
     path = parameters.resolve(name)
     try:
-        image = np.maximum(read_texture(path, encoding), 0.0)
+        image = single(np.maximum(read_texture(path, encoding), 0.0))
     except SceneError:
         raise
     except PenumbraError as error:
@@ -30,3 +30,8 @@ def image_of(builder: Builder, parameters: Parameters, name: str, encoding: str 
     if builder.texels > TEXELS:
         raise parameters.fail("filename", f"the images of the scene have more than {TEXELS} texels in all")
     return image
+
+
+def single(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Texels rounded to float32, which is what image files hold: a scene that is written out and read again is the same to the bit."""
+    return image.astype(np.float32).astype(np.float64)

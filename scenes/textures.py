@@ -15,7 +15,7 @@ from scenes.description import Checkerboard, ImageTexture, Mix, Product, Texture
 from scenes.errors import Location, SceneError, Unsupported
 from scenes.parameters import Parameters
 from scenes.spectra import colour_of
-from scenes.texels import image_of
+from scenes.texels import image_of, single
 
 Array = NDArray[np.float64]
 
@@ -126,11 +126,8 @@ def _imagemap(maker: _Maker) -> Texture:
     scale, invert = parameters.number("scale", 1.0), parameters.flag("invert", False)
     if scale < 0:
         raise parameters.fail("scale", f"scale must not be negative: {scale:g}")
-    if invert and wrap == "black":
-        parameters.unsupported("invert", 'invert with wrap "black" is not supported: pbrt makes white of the outside')
-    image = _texels(maker) * scale
-    image = np.clip(1.0 - image if invert else image, 0.0, 1.0 if maker.type == "spectrum" else None)
-    return ImageTexture(image, _mapping(parameters), wrap, _FILTERS[filter_])
+    colours = maker.type == "spectrum"
+    return ImageTexture(_texels(maker), _mapping(parameters), wrap, _FILTERS[filter_], scale, invert, clamped=colours)
 
 
 def _texels(maker: _Maker) -> Array:
@@ -142,7 +139,7 @@ def _texels(maker: _Maker) -> Array:
         parameters.unsupported("encoding", "encoding is of effect for PNG files only, in pbrt too: leave it out")
         encoding = "sRGB"
     image = image_of(maker.builder, parameters, name, encoding)
-    return np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2) if maker.type == "float" else image
+    return single(np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2)) if maker.type == "float" else image
 
 
 _KINDS: dict[str, Callable[[_Maker], Texture]] = {

@@ -117,7 +117,7 @@ def _mean(texture: Texture) -> Array:
     """(3,) the mean of a texture: exact for one image or checkerboard, and where what is multiplied does not vary together."""
     match texture:
         case ImageTexture():
-            return texture.image.mean(axis=(0, 1))
+            return texture.value(texture.image).mean(axis=(0, 1))
         case Checkerboard():
             return (_mean(texture.first) + _mean(texture.second)) / 2
         case Product():

@@ -102,6 +102,15 @@ def _weight(weight: float | ImageTexture | UVMapping, to_uv: Array) -> float | P
 
 def _expand(texture: Texture, where: Location | None) -> _Tree:
     match texture:
+        case ImageTexture():
+            plain = texture.plain()
+            if plain is None:
+                raise SceneError(
+                    "an image texture whose interpolated values are cut off, or that is inverted with black around it, cannot be "
+                    "given to Mitsuba",
+                    where,
+                )
+            return plain
         case Checkerboard():
             return _blend(_expand(texture.first, where), _expand(texture.second, where), texture.mapping)
         case Product():

@@ -89,7 +89,7 @@ def test_a_constant_is_added_to_the_texels_of_an_image(tmp_path: Path) -> None:
     for order in ({"after": SKY}, {"before": SKY}):
         light = only(with_image(tmp_path, image, '"float scale" 2', **order))
         assert light.image is not None
-        np.testing.assert_array_equal(light.radiance * light.image, 2 * image + [1, 2, 3])
+        np.testing.assert_array_equal(light.radiance * light.image, (2 * image + [1, 2, 3]).astype(np.float32))
 
 
 def test_a_latitude_longitude_image_is_named_as_such(tmp_path: Path) -> None:

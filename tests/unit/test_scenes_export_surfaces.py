@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import skimage.io
 from numpy.typing import NDArray
 
 from scenes.description import (
@@ -41,7 +42,7 @@ from scenes.export import export, to_pbrt
 from scenes.parser import parse, parse_file
 from scenes.transforms import unit
 from tests.unit.exported import written
-from tests.unit.scene_texts import world
+from tests.unit.scene_texts import HEAD, TRIANGLE, world
 from tests.unit.test_scenes_export import Random
 
 Array = NDArray[np.float64]
@@ -69,7 +70,9 @@ class Rich(Random):
         match int(self.rng.integers(5)) if depth else 0:
             case 0:
                 wrap = ("repeat", "black", "clamp")[self.rng.integers(3)]
-                return ImageTexture(self.image(gray), self.mapping(), wrap, "point" if self.flag() else "bilinear")
+                look = "point" if self.flag() else "bilinear"
+                scale = self.positive() if self.flag() else 1.0
+                return ImageTexture(self.image(gray), self.mapping(), wrap, look, scale, self.flag(), clamped=not gray)
             case 1:
                 return Checkerboard(self.part(gray, depth), self.part(gray, depth), self.mapping())
             case 2:
@@ -151,6 +154,21 @@ class Rich(Random):
             occlusion_distance=self.positive() if estimator == "ambient-occlusion" else np.inf,
             defaults=RenderDefaults(sampler, int(self.rng.integers(1, 2**10)), 3, estimator),
         )
+
+
+def test_images_of_bytes_read_back_bitwise(tmp_path: Path) -> None:
+    """sRGB decodes to numbers that no float32 is; they are rounded where they are read."""
+    pixels = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
+    skimage.io.imsave(tmp_path / "bytes.png", pixels)
+    look = '"string filename" "bytes.png" "float scale" 0.3 "bool invert" true'
+    (tmp_path / "from.pbrt").write_text(
+        HEAD + f'LightSource "infinite" "rgb L" [ .1 .7 .3 ] LightSource "infinite" "string filename" "bytes.png"\n'
+        f'Texture "n" "float" "imagemap" {look} Texture "c" "spectrum" "imagemap" {look}\n'
+        f'Texture "t" "spectrum" "mix" "texture tex1" "c" "texture amount" "n" Material "diffuse" "texture reflectance" "t"\n'
+        + TRIANGLE
+    )
+    scene = parse_file(tmp_path / "from.pbrt")
+    assert parse_file(written(scene, tmp_path)).content_hash() == scene.content_hash()
 
 
 @pytest.mark.parametrize("seed", range(30))

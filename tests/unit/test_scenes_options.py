@@ -17,7 +17,7 @@ REST = 'Camera "perspective"\nWorldBegin\n'
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("", PixelFilter("box", 0.5, 0.5)),  # ours; pbrt's would be the gaussian
+        ("", PixelFilter("gaussian", 1.5, 1.5, 0.5)),  # as pbrt
         ('PixelFilter "box"', PixelFilter("box", 0.5, 0.5)),
         ('PixelFilter "box" "float xradius" 1 "float yradius" 2', PixelFilter("box", 1.0, 2.0)),
         ('PixelFilter "triangle"', PixelFilter("triangle", 2.0, 2.0)),
@@ -111,7 +111,7 @@ def test_defaults_are_no_part_of_the_content() -> None:
         ('Camera "perspective" "float lensradius" .1', 22, ("pinhole",)),
         ('Camera "perspective" "float screenwindow" [ -1 1 -1 1 ]', 22, ("screenwindow", "-1.77778 1.77778")),
         ('Camera "perspective" "float screenwindow" [ -1 1 ]', 22, ("four numbers, not 2",)),
-        ('Camera "perspective" "float frameaspectratio" 2', 22, ("frameaspectratio", "fov")),
+        ('Camera "perspective" "float frameaspectratio" 2', 22, ("frameaspectratio", "1.77778")),
         ('Camera "perspective" "float shutterclose" 0.5', 22, ("shutterclose", "1")),
         ('Film "gbuffer"', 1, ('"rgb"',)),
         ('Film "rgb" "integer xresolution" 0', 12, ("xresolution", "0")),
@@ -162,6 +162,31 @@ def test_defaults_are_no_part_of_the_content() -> None:
 def test_errors_before_the_world(line: str, column: int, words: tuple[str, ...]) -> None:
     camera = "" if line.startswith("Camera") else 'Camera "perspective"\n'
     fails(f"\n{line}\n{camera}WorldBegin\n", 2, column, *words)
+
+
+@pytest.mark.parametrize(
+    ("camera", "film"),
+    [
+        ('"float frameaspectratio" 1.7778', ""),  # of the default film, 16 / 9
+        ('"float frameaspectratio" 0.5', '"integer xresolution" 10 "integer yresolution" 20'),
+        ('"float screenwindow" [ -1 1 -2 2 ]', '"integer xresolution" 10 "integer yresolution" 20'),
+        # the window decides
+        (
+            '"float frameaspectratio" 3 "float screenwindow" [ -1 1 -2 2 ]',
+            '"integer xresolution" 10 "integer yresolution" 20',
+        ),
+    ],
+)
+def test_a_window_of_the_film_s_own_shape_changes_nothing(camera: str, film: str) -> None:
+    text = f'Film "rgb" {film}\nCamera "perspective" {camera}\nWorldBegin\n'
+    assert parse(text).content_hash() == parse(text.replace(camera, "")).content_hash()
+
+
+def test_without_a_camera_it_is_pbrts_own() -> None:
+    """A perspective camera of 90 degrees at the origin, whatever the transformation was."""
+    assert (
+        parse("Translate 1 2 3\nWorldBegin").content_hash() == parse('Camera "perspective"\nWorldBegin').content_hash()
+    )
 
 
 def test_an_option_given_twice_is_refused() -> None:

@@ -148,6 +148,10 @@ def image_of(folder: Path, parameters: str = "", name: str = "a.png") -> ImageTe
     return texture
 
 
+def values(texture: ImageTexture) -> list[list[list[float]]]:
+    return texture.value(texture.image).tolist()
+
+
 @pytest.mark.parametrize("name", ["a.png", "a.tga", "a.bmp"])
 def test_bytes_are_srgb(tmp_path: Path, name: str) -> None:
     write_image(tmp_path / name, BYTES)
@@ -168,9 +172,10 @@ def test_encodings_of_png(tmp_path: Path) -> None:
 def test_floats_are_linear_and_bounded_like_a_reflectance(tmp_path: Path) -> None:
     pixels = np.array([[[0.25, 0.5, 2.0]], [[0.125, 0, -1]]])
     write_exr(tmp_path / "a.exr", dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))
-    assert image_of(tmp_path, name="a.exr").image.tolist() == [[[0.25, 0.5, 1]], [[0.125, 0, 0]]]
+    seen = [[[0.25, 0.5, 1]], [[0.125, 0, 0]]]
+    assert values(image_of(tmp_path, name="a.exr")) == seen
     (tmp_path / "b.pfm").write_bytes(b"PF\n1 2\n-1.0\n" + pixels[::-1].astype("<f4").tobytes())  # PFM goes bottom up
-    assert image_of(tmp_path, name="b.pfm").image.tolist() == [[[0.25, 0.5, 1]], [[0.125, 0, 0]]]
+    assert values(image_of(tmp_path, name="b.pfm")) == seen
 
 
 def test_scale_and_inversion_as_pbrt_orders_them(tmp_path: Path) -> None:
@@ -178,7 +183,7 @@ def test_scale_and_inversion_as_pbrt_orders_them(tmp_path: Path) -> None:
     texture = image_of(
         tmp_path, '"float scale" 2 "bool invert" true "string wrap" "clamp" "string filter" "point"', "a.exr"
     )
-    assert texture.image[0, :, 0].tolist() == [0.5, 0]
+    assert values(texture)[0] == [[0.5] * 3, [0] * 3]
     assert (texture.wrap, texture.filter) == ("clamp", "point")
     for filter_ in ("trilinear", "ewa", "EWA"):
         assert image_of(tmp_path, f'"string filter" "{filter_}" "float maxanisotropy" 4', "a.exr").filter == "bilinear"
@@ -226,17 +231,10 @@ def test_textures_that_cannot_be_are_refused_where_they_stand(body: str, column:
     world_fails(body, 1, column, *words)
 
 
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ('"string wrap" "octahedralsphere"', "octahedralsphere"),
-        ('"string wrap" "black" "bool invert" true', "white of the outside"),
-    ],
-)
-def test_lookups_that_are_not_simulated(tmp_path: Path, parameters: str, words: str) -> None:
+def test_lookups_that_are_not_simulated(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png", BYTES)
-    with pytest.raises(SceneError, match=words):
-        image_of(tmp_path, parameters)
+    with pytest.raises(SceneError, match="octahedralsphere"):
+        image_of(tmp_path, '"string wrap" "octahedralsphere"')
 
 
 def test_images_that_are_none_are_refused_at_their_name(tmp_path: Path) -> None:

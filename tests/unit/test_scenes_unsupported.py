@@ -29,12 +29,27 @@ Shape "cylinder"
 MediumInterface "fog" ""
 Shape "sphere" "float zmax" 0.5 "float phimax" 90
 """
+PLY = """\
+ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
 PLACES_OF_SCENE = [
     *[
         (1, 22),
         (1, 45),
-        (2, 28),
         (2, 12),
+        (2, 28),
         (3, 1),
         (4, 22),
         (7, 1),
@@ -75,9 +90,50 @@ def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() ->
         assert sum(word in line for line in lines) == 1, word
 
 
-def test_what_is_malformed_is_alone() -> None:
-    error = refused(SCENE + "Shape\n")
-    assert str(error) == "<text>:17:1: the file ends after Shape, which needs a quoted string"
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("Shape\n", "<text>:17:1: the file ends after Shape, which needs a quoted string"),
+        ('Shape "sphere" "float radius" -1\n', "<text>:17:16: the radius must be positive, not -1"),
+        ('Texture "a" "float" "constant"\n' * 2, '<text>:18:1: float texture "a" is made twice'),
+    ],
+)
+def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, problem: str) -> None:
+    lines = str(refused(SCENE + line)).splitlines()
+    assert lines == [problem, *str(refused(SCENE)).splitlines()]
+
+
+def test_a_bad_value_hides_nothing_behind_it() -> None:
+    error = refused(HEAD + 'Shape "sphere" "float radius" -1\nShape "sphere" "float radius" -2\nShape "cone"')
+    assert error.location == Location("<text>", 7, 16)
+    assert [line.split(": ")[0] for line in str(error).splitlines()] == ["<text>:7:16", "<text>:9:1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "column"),
+    [
+        ('Attribute "material" "string normalmap" "n.png" Material "diffuse"', 22),
+        ('Attribute "material" "texture displacement" "t" MakeNamedMaterial "m" "string type" "diffuse"', 22),
+        ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
+        ('Attribute "shape" "float alpha" .5 ' + TRIANGLE, 19),
+        ('Attribute "shape" "float phimax" 90 Shape "sphere"', 19),
+        ('Attribute "light" "point3 portal" [ 0 0 0 1 0 0 1 1 0 0 1 0 ] LightSource "infinite"', 19),
+        ('Attribute "texture" "string mapping" "planar" Texture "t" "float" "checkerboard"', 21),
+    ],
+)
+def test_what_an_attribute_asks_for_is_named_where_it_says_so(text: str, column: int, tmp_path: Path) -> None:
+    (tmp_path / "m.ply").write_text(PLY)
+    (tmp_path / "main.pbrt").write_text(HEAD + text)
+    with pytest.raises(SceneError) as caught:
+        parse_file(tmp_path / "main.pbrt")
+    assert caught.value.location == Location(str(tmp_path / "main.pbrt"), 7, column)
+    assert "support" in str(caught.value)
+
+
+def test_what_an_attribute_says_to_others_is_let_pass() -> None:
+    plain = parse(HEAD + TRIANGLE)
+    said = parse(HEAD + 'Attribute "shape" "float radius" 2 Attribute "material" "float roughness" .5 ' + TRIANGLE)
+    assert said.content_hash() == plain.content_hash()
 
 
 def test_a_template_parameter_of_what_is_not_supported_does_not_hide_it() -> None:

@@ -61,6 +61,35 @@ def test_wrapping():
     np.testing.assert_allclose(at(ImageTexture(FOUR, wrap="repeat"), (0.0, 0.75)), [FOUR[0].mean(axis=0)])
 
 
+def test_scale_and_inversion_come_after_the_look_up_and_the_bounds_last():
+    """As pbrt orders them; bounded before, the middle of the first row would be 0.5 and not 0.75."""
+    bright = ImageTexture(FOUR, scale=3.0)  # its first row: red 1.5, 0
+    np.testing.assert_allclose(at(bright, (0.25, 0.75), (0.5, 0.75)), [[1, 0, 0], [0.75, 0.75, 0]])
+    np.testing.assert_allclose(at(ImageTexture(FOUR, scale=3.0, clamped=False), (0.25, 0.75)), [[1.5, 0, 0]])
+    np.testing.assert_allclose(at(ImageTexture(FOUR, scale=3.0, invert=True), (0.5, 0.75)), [[0.25, 0.25, 1]])
+    np.testing.assert_allclose(brightest(bright), [1, 1, 1])
+
+
+def test_what_is_inverted_is_white_outside_black():
+    point = ImageTexture(FOUR, wrap="black", filter="point", invert=True)
+    np.testing.assert_array_equal(at(point, (1.2, 0.5), (0.2, 0.9)), [[1, 1, 1], [0.5, 1, 1]])
+    np.testing.assert_array_equal(brightest(ImageTexture(FOUR * 2, wrap="black", invert=True)), [1, 1, 1])
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "black", "clamp"])
+@pytest.mark.parametrize("look", ["point", "bilinear"])
+@pytest.mark.parametrize("scale", [0.5, 1.5, 3.0])
+@pytest.mark.parametrize(("invert", "clamped"), [(False, False), (False, True), (True, True)])
+def test_plain_texels_are_the_same_texture(wrap, look, scale, invert, clamped):
+    texture = ImageTexture(FOUR, UVMapping(0.7, 0.7, 0.1, 0.1), wrap, look, scale, invert, clamped)
+    plain = texture.plain()
+    bounded = scale == 3.0 and (invert or clamped) and look == "bilinear"
+    assert (plain is None) == (bounded or (invert and wrap == "black"))
+    if plain is not None:
+        uv = np.random.default_rng(1).uniform(-2, 3, (50, 2))
+        np.testing.assert_allclose(at(plain, *uv), at(texture, *uv), atol=1e-15)
+
+
 def test_mappings_scale_and_shift():
     texture = ImageTexture(FOUR, UVMapping(2.0, 0.5, 0.25, 0.5), filter="point")
     np.testing.assert_array_equal(at(texture, (0.1, 0.1)), [FOUR[0, 0]])  # (0.45, 0.55)
