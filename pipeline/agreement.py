@@ -18,21 +18,22 @@ from pydantic import BaseModel, ConfigDict
 from pipeline.job import statistics
 from pipeline.progress import Update
 from pipeline.references.protocol import ReferenceImage
+from pipeline.sides import of_reference, of_render
 from pipeline.statistics.numerics import normal_tail
-from pipeline.statistics.welch import Moments, compare_images, sidak_level, vary_alike
-from renderer import RenderResult, build, render
+from pipeline.statistics.welch import Moments, TestResult, compare_images, sidak_level, vary_alike
+from renderer import build, render
 from renderer.build import RenderScene
 from renderer.estimators.direction_sampling import DirectionSampling
 from renderer.estimators.protocol import ESTIMATORS, RADIANCE
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
 
-FLOAT32 = 1e-6  # of the image mean: a few units in the last place of the sums that a float32 renderer makes
+GRID = 4  # rows and columns at most
 LEAST_SPP = 16  # below, the spread of a pixel's samples says too little of their variance
 
 
 class _Row(BaseModel):
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="null")
 
 
 class Member(_Row):
@@ -47,8 +48,8 @@ class Member(_Row):
 
 
 class Pair(_Row):
-    """Two that were compared. difference: (a - b) / b of the image means, with its 95 % interval. p: of the image mean and of a
-    grid of regions together. smallest_detectable: the smallest relative bias of the image mean that would have been seen."""
+    """Two that were compared. difference: (a - b) / b of the image means, with its 95 % interval. p: the least of the image mean's and of
+    the grid's of regions; where: what it is of. smallest_detectable: the smallest relative bias of the image mean that would have been seen."""
 
     a: str
     b: str
@@ -56,6 +57,7 @@ class Pair(_Row):
     low: float
     high: float
     p: float
+    where: str
     smallest_detectable: float
     agree: bool
 
@@ -79,6 +81,7 @@ class Candidate:
     name: str
     moments: Moments
     by_chance: bool = False
+    reference: bool = False
 
 
 def agreement(
@@ -100,7 +103,7 @@ def agreement(
     if spp < LEAST_SPP:
         raise PenumbraError(f"spp is {spp}: at least {LEAST_SPP} are needed to judge the spread of a pixel's samples")
     built = build(scene)
-    names = [n for n in estimators or ESTIMATORS.names() if _comparable(n, named=estimators is not None)]
+    names = _chosen(estimators)
     members: list[Member] = []
     candidates: list[Candidate] = []
     for i, name in enumerate(names):
@@ -111,7 +114,7 @@ def agreement(
             update(i + 1)
     if reference is not None:
         label, image = reference
-        candidates.append(Candidate(label, _of_reference(image)))
+        candidates.append(Candidate(label, of_reference(image), reference=True))
     if len(candidates) < 2:
         raise PenumbraError(f"scene {scene.name!r}: fewer than two images are left to compare")
     level = sidak_level(alpha, len(candidates) * (len(candidates) - 1))  # two families a pair
@@ -125,6 +128,15 @@ def agreement(
         pairs=pairs,
         agree=all(p.agree for p in pairs),
     )
+
+
+def _chosen(estimators: Sequence[str] | None) -> list[str]:
+    """All estimators that can be compared, or those that were asked for; PenumbraError for one that is named twice."""
+    if estimators is None:
+        return [name for name in ESTIMATORS.names() if _comparable(name, named=False)]
+    if twice := [name for i, name in enumerate(estimators) if name in estimators[:i]]:
+        raise PenumbraError(f"estimator {twice[0]!r} is given more than once: name each once")
+    return [name for name in estimators if _comparable(name, named=True)]
 
 
 def _comparable(name: str, named: bool) -> bool:
@@ -151,19 +163,8 @@ def _render(built: RenderScene, name: str, spp: int, seed: int, threads: int) ->
         seconds=result.seconds.cpu,
     )
     return member, Candidate(
-        name, _moments(result, spp), isinstance(ESTIMATORS[name], DirectionSampling)
+        name, of_render(result, spp), isinstance(ESTIMATORS[name], DirectionSampling)
     ) if found.verdict == "ok" else None
-
-
-def _moments(result: RenderResult, spp: int) -> Moments:
-    return Moments(result.image, result.variance, spp - 1, samples=spp)
-
-
-def _of_reference(image: ReferenceImage) -> Moments:
-    """A reference's moments; an exact one has no samples. What float32 may have left where the truth is 0 counts as noise."""
-    dust = FLOAT32 * float(np.abs(image.mean).mean())
-    samples = image.spp or None
-    return Moments(image.mean, image.variance + dust * dust, image.batches - 1 if samples else np.inf, samples)
 
 
 def _standard_error(variance: NDArray[np.float64]) -> float:
@@ -173,12 +174,8 @@ def _standard_error(variance: NDArray[np.float64]) -> float:
 
 
 def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
-    families = compare_images(a.moments, b.moments, alpha=level)[:2]
-    # Where one side finds light by chance, a region's few finds are far from normal, or none, and beside an exact image nothing
-    # tells how they would vary: only the image is tested.
-    alike = vary_alike(a.moments, b.moments) and vary_alike(b.moments, a.moments)
-    families = families if alike and not (a.by_chance or b.by_chance) else families[:1]
-    image = families[0]
+    families = _families(a, b, level)
+    image, least = families[0], min(families, key=lambda family: family.p)
     ours, theirs = float(a.moments.mean.mean()), float(b.moments.mean.mean())
     error = np.hypot(_standard_error(a.moments.variance), _standard_error(b.moments.variance))
     reach = normal_tail(0.025) * float(error)  # sums over thousands of pixels: normal
@@ -189,7 +186,29 @@ def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
         difference=(ours - theirs) / scale,
         low=(ours - theirs - reach) / scale,
         high=(ours - theirs + reach) / scale,
-        p=min(family.p for family in families),
+        p=least.p,
+        where=_where(least),
         smallest_detectable=image.smallest_detectable,
         agree=not any(family.reject for family in families),
     )
+
+
+def _families(a: Candidate, b: Candidate, level: float) -> list[TestResult]:
+    """The tests of the image mean and of the regions; of the mean alone where nothing holds up the variance of a region's few finds.
+
+    So it is where one of two estimators finds light by chance or varies far more than the other. A reference knows the light of each
+    region: there few finds have a test of their own (few_events.py).
+    """
+    height, width = a.moments.mean.shape[:2]
+    families = compare_images(a.moments, b.moments, (min(GRID, height), min(GRID, width)), level)[:2]
+    alike = vary_alike(a.moments, b.moments) and vary_alike(b.moments, a.moments)
+    return families if b.reference or (alike and not (a.by_chance or b.by_chance)) else families[:1]
+
+
+def _where(test: TestResult) -> str:
+    """The image, or the region of the grid with the smallest p, counted from the top left."""
+    if test.p_map is None or test.p_map.size == 1:
+        return test.name
+    rows, columns = test.p_map.shape
+    row, column = divmod(int(np.argmin(test.p_map)), columns)
+    return f"row {row + 1} of {rows}, column {column + 1} of {columns}"

@@ -1,6 +1,7 @@
 """What a run leaves behind, as versioned JSON: the job, what it cost, what it measured, and what made it.
 
-Every number that a report shows comes from here. Units: seconds; radiance in W/(m^2 sr); counts of rays.
+Every number that a report shows comes from here. Units: seconds; radiance in W/(m^2 sr); counts of rays. A record is read back as it was:
+NaN and infinities, which JSON lacks, are the strings "NaN", "Infinity" and "-Infinity" in it. What commands print has null in their place.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Generator
+from pathlib import Path
 
 import numpy as np
 
@@ -20,11 +21,13 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
+    require,
+    unlit,
 )
+from pipeline.references.sources import digest
 from renderer import build, fingerprint, render
 from renderer.estimators.protocol import ESTIMATORS
 from scenes.description import SceneDescription
-from scenes.errors import PenumbraError
 
 NAME = "self"
 ESTIMATOR_OF: dict[Quantity, str] = {"radiance": "mis", "ambient-occlusion": "ambient-occlusion"}
@@ -38,16 +41,16 @@ class SelfBackend:
     name = NAME
 
     def version(self) -> str:
-        """The renderer's sources."""
-        return f"penumbra {fingerprint()}"
+        """The renderer's sources, and a hash of the code that draws its batches and adds them up."""
+        return f"penumbra {fingerprint()} {digest(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What the estimator itself says, or that there is none for the quantity."""
         estimator = ESTIMATOR_OF[quantity]
         if estimator not in ESTIMATORS.names():
             return f"there is no estimator of {quantity} here"
-        if quantity == "radiance" and not (scene.lights or any(shape.emission for shape in scene.shapes)):
-            return "it has no lights, so that its reference would be black"
+        if quantity == "radiance" and (why := unlit(scene)):
+            return why
         return ESTIMATORS[estimator].refuses(scene)
 
     def render(
@@ -58,9 +61,7 @@ class SelfBackend:
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
         """Render at least what `request` asks for, in batches of independent samples; PenumbraError if refused."""
-        refusal = self.refuses(scene, request.quantity)
-        if refusal:
-            raise PenumbraError(f"scene {scene.name}: {refusal}")
+        require(self, scene, request.quantity)
         built, estimator = build(scene), ESTIMATOR_OF[request.quantity]
 
         def draw(wanted: Batches) -> Generator[Image]:

@@ -1,8 +1,10 @@
 """Is an estimator unbiased? One render against a reference, by tests that say what they would have caught.
 
 First the guard: samples whose own tail is heavy (statistics/samples.py) have no standard error to test by, whatever p-values
-come out. Then Welch's tests (statistics/welch.py) of the image mean, a grid, each region of the picture, and each pixel, together held to
-one level. A verdict of "unbiased" is only as good as the power behind it: where a uniform bias of the limit that was asked for
+come out. Then tests (statistics/welch.py) of the image mean, a grid, each region of the picture, and each pixel, together held to
+one level: alpha at most, and less where families overlap and channels share their samples, so that they reject together. Against an exact
+reference regions that few large samples light, and all pixels, are tested by how large samples are (statistics/few_events.py).
+A verdict of "unbiased" is only as good as the power behind it: where a uniform bias of the limit that was asked for
 would not have been caught on the image mean with a probability of 95 %, the verdict is "inconclusive".
 """
 
@@ -19,15 +21,8 @@ from pipeline.job import statistics
 from pipeline.record import SampleStatistics
 from pipeline.references.protocol import Progress, ReferenceImage
 from pipeline.regions import find_regions
-from pipeline.statistics.welch import (
-    Correction,
-    Moments,
-    TestResult,
-    batch_moments,
-    compare_images,
-    sidak_level,
-    vary_alike,
-)
+from pipeline.sides import of_reference, of_render, of_replicates
+from pipeline.statistics.welch import Correction, Moments, TestResult, compare_images, sidak_level
 from renderer import RenderResult, RenderScene, render
 from renderer.samplers.protocol import SAMPLERS
 from scenes.errors import PenumbraError
@@ -37,7 +32,6 @@ Outcome = Literal["unbiased", "biased", "untrustworthy", "inconclusive"]
 
 REPLICATES = 32  # scrambles of a low-discrepancy sampler, from whose spread its variance comes
 GRID = 4  # rows and columns at most
-EVENTS = 100.0  # samples as large as the largest that must make up a region's light for its mean to be tested by itself
 
 
 @dataclass(frozen=True)
@@ -60,12 +54,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The estimator's side. statistics: what its samples say of themselves. drawn: samples a pixel; largest: the luminance of the largest."""
+    """The estimator's side. statistics: what its samples say of themselves."""
 
     moments: Moments
     statistics: SampleStatistics
-    drawn: int
-    largest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +85,7 @@ def verify(
     and where the estimator does not apply to the scene.
     """
     _check(trial)
-    return judge(trial, _draw(scene, trial, threads, progress), moments(reference), parts)
+    return judge(trial, _draw(scene, trial, threads, progress), of_reference(reference), parts)
 
 
 def region_masks(scene: RenderScene, threads: int = 1) -> dict[str, Mask]:
@@ -102,34 +94,15 @@ def region_masks(scene: RenderScene, threads: int = 1) -> dict[str, Mask]:
     return {f"region {name}": mask for name, mask in found.masks().items()} if found else {}
 
 
-def moments(reference: ReferenceImage) -> Moments:
-    """A reference as one side of a test. One that was not sampled has the square of its error bound for a variance."""
-    if reference.batches == 0:
-        return Moments(reference.mean, reference.variance, np.inf)
-    return Moments(reference.mean, reference.variance, reference.batches - 1, samples=reference.spp)
-
-
 def judge(trial: Trial, side: Side, reference: Moments, parts: Mapping[str, Mask] | None = None) -> Verification:
-    """The verdict on one side of a comparison with its reference.
-
-    A region that only a few large samples can light is left out where nothing that the reference knows tells how rare they are
-    (`vary_alike`): no sample seen is then no sign of bias. A region that is black in the reference always stays.
-    """
-    ours = side.moments
+    """The verdict on one side of a comparison with its reference, by a family of tests each of the image, a grid, each of `parts`, pixels."""
+    ours, named = side.moments, parts or {}
     height, width = ours.mean.shape[:2]
     grid = (min(GRID, height), min(GRID, width))
-    alike = vary_alike(ours, reference)
-    named = {name: mask for name, mask in (parts or {}).items() if alike or _told(side, reference, mask)}
     level = sidak_level(trial.alpha, 3 + len(named))
     tests = tuple(compare_images(ours, reference, grid, level, named, trial.correction))
     verdict, reason = _verdict(trial, side.statistics, tests)
     return Verification(verdict, reason, level, tests, ours.mean)
-
-
-def _told(side: Side, reference: Moments, mask: Mask) -> bool:
-    """Whether EVENTS of the largest samples would make up no more than the region's light, or it has none."""
-    light = float(np.sum(np.mean(reference.mean[mask], axis=-1))) * side.drawn
-    return light == 0.0 or light >= EVENTS * side.largest
 
 
 def _check(trial: Trial) -> None:
@@ -159,16 +132,14 @@ def _draw(scene: RenderScene, trial: Trial, threads: int, progress: Progress | N
 
     if SAMPLERS[trial.sampler].independent:
         one = once(trial.seed, progress)
-        side = Moments(one.image, one.variance, trial.spp - 1, samples=trial.spp)
-        return Side(side, statistics(one), trial.spp, float(np.max(one.tail, initial=0.0)))
+        return Side(of_render(one, trial.spp), statistics(one))
     first = once(trial.seed)
     images = [first.image]
     for number in range(1, REPLICATES):
         images.append(once(trial.seed + number).image)
         if progress:
             progress((number + 1) / REPLICATES)
-    largest = float(np.max(first.tail, initial=0.0))
-    return Side(batch_moments(np.stack(images)), statistics(first), REPLICATES * trial.spp, largest)
+    return Side(of_replicates(np.stack(images)), statistics(first))
 
 
 def _verdict(trial: Trial, samples: SampleStatistics, tests: tuple[TestResult, ...]) -> tuple[Outcome, str]:

@@ -86,11 +86,11 @@ def _reference(
     from pipeline.backends import BACKENDS
     from pipeline.commands.reference import default_cache
     from pipeline.references.cache import reference_for
-    from pipeline.references.protocol import ReferenceRequest
+    from pipeline.references.protocol import ReferenceRequest, refusal
     from scenes.errors import PenumbraError
 
     backend = asked or "mitsuba"
-    if why := BACKENDS[backend].refuses(scene):
+    if why := refusal(BACKENDS[backend], scene, "radiance"):
         if asked:
             raise PenumbraError(f"scene {scene.name}: no {backend} reference: {why}")
         speaker.note(f"no {backend} reference: {why}")
@@ -117,13 +117,16 @@ def _tell(speaker: Speaker, found: Agreement) -> None:
             f"{p.low:+.3%} to {p.high:+.3%}",
             f"{p.p:.2g}",
             f"{p.smallest_detectable:.2%}",
-            "agree" if p.agree else "DIFFER",
+            "agree" if p.agree else f"DIFFER: {p.where}",
         )
         for p in found.pairs
     ]
     headings = ("a", "b", "(a - b) / b", "95 % interval", "p", "smallest bias seen", "verdict")
     speaker.table(headings, pairs, "image means; the verdict also takes 4 x 4 regions")
-    count = sum(not p.agree for p in found.pairs)
-    speaker.line(
-        f"all {len(found.pairs)} pairs agree" if found.agree else f"{count} of {len(found.pairs)} pairs DIFFER"
-    )
+    speaker.line(_summary(sum(not p.agree for p in found.pairs), len(found.pairs)))
+
+
+def _summary(different: int, pairs: int) -> str:
+    if pairs == 1:
+        return "the pair DIFFERS" if different else "the pair agrees"
+    return f"{different} of {pairs} pairs DIFFER" if different else f"all {pairs} pairs agree"

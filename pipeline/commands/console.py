@@ -74,7 +74,7 @@ class Speaker:
         self._out.print(table)
 
     def json(self, data: Any) -> None:
-        """The whole answer on stdout, with --json only; NaN and infinities, which JSON lacks, as strings."""
+        """The whole answer on stdout, with --json only; null for NaN and infinities, which JSON lacks."""
         if self.as_json:
             sys.stdout.write(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
 
@@ -85,7 +85,7 @@ def _console(stream: Any) -> Console:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        return None
     if isinstance(value, dict):
         return {str(name): _plain(item) for name, item in cast("dict[Any, Any]", value).items()}
     if isinstance(value, list | tuple):

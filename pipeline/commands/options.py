@@ -20,7 +20,9 @@ Define = Annotated[
 Output = Annotated[
     Path, typer.Option("-o", "--output", metavar="FILE", help="Where to write: .exr, or .png to look at.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout; null for what is not finite.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr.")]
 
 

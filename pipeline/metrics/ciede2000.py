@@ -21,7 +21,10 @@ class Ciede2000:
     """Mean over pixels of the CIEDE2000 colour difference [sharma2005] of the pictures as displayed, white point D65.
 
     Exposed for the reference, sRGB, clipped to [0, 1]. About 1 is just noticeable side by side. It looks at pixels, not at what
-    surrounds them, so that fine noise counts as much as a shift of the same size; `flip` blurs as an eye does.
+    surrounds them, so that fine noise counts as much as a shift of the same size; `flip` blurs as an eye does. Neither the reference's
+    variance nor its error bound is taken off or put into the interval: the formula jumps where hues are 180 degrees apart, so that nothing bounds what a
+    small change of the reference does. The value is an upper end where what they may do to the displayed picture exceeds a tenth of its squared
+    difference.
     """
 
     name = "ciede2000"

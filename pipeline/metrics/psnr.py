@@ -10,7 +10,7 @@ from skimage.metrics import peak_signal_noise_ratio
 
 from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
 from pipeline.metrics.spread import scale_interval, standard_error
-from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE
+from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
 from pipeline.metrics.tone import displayed, exposure, shown_noise
 from pipeline.metrics.undefined import defect, undefined
 from pipeline.record import Score
@@ -21,7 +21,8 @@ class Psnr:
     """10 log10(1 / MSE) of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data range 1.
 
     The interval is that of the displayed pictures' MSE, taken through the logarithm. The reference's noise is in it; where that
-    makes up more than a tenth of the difference, the value is the interval's lower end and is marked as a bound.
+    makes up more than a tenth of the difference, the value is the interval's lower end and is marked as a bound. A deterministic reference's
+    error bound, as displayed, moves the ends out.
     """
 
     name = "psnr"
@@ -41,11 +42,16 @@ class Psnr:
 
         def over(mask: Mask) -> Score:
             mean, note = float(np.mean(squared[mask])), f"exposure {scale:.4g}"
-            low, high = (_decibels(x) for x in scale_interval(mean, standard_error(squared, mask))[::-1])
-            if shown_noise(reference, scale, mask) > NOISE_SHARE * mean:
+            ends, noise = scale_interval(mean, standard_error(squared, mask)), shown_noise(reference, scale, mask)
+            ends = ends if reference.batches else within_bound(mean, ends, noise)[:2]
+            high, low = (_decibels(x) for x in ends)
+            if noise > NOISE_SHARE * mean:
                 note = f"{note}; a lower bound: {BELOW_NOISE}"
                 return Score(metric=self.name, value=low, low=low, high=high, bound=True, note=note)
-            value = peak_signal_noise_ratio(truth[mask], shown[mask], data_range=1.0) if mean > 0 else np.inf
+            if mean == 0:
+                note = f"{note}; infinite: equal as displayed"
+                return Score(metric=self.name, value=np.inf, low=np.inf, high=np.inf, note=note)
+            value = peak_signal_noise_ratio(truth[mask], shown[mask], data_range=1.0)
             return Score(metric=self.name, value=float(value), low=low, high=high, note=note)
 
         return measured(squared.shape, over, squared)

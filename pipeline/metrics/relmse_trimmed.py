@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
 from pipeline.metrics.spread import scale_interval, standard_error
-from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE
+from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
 from pipeline.metrics.undefined import defect, undefined
 from pipeline.record import Score
 from pipeline.statistics.intervals import NORMAL
@@ -22,7 +22,9 @@ class RelMseTrimmed:
     """Mean of d^2 / (r^2 + 0.01) over channels, the largest 0.1 % of these values left out, the reference's variance subtracted.
 
     Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963]. A trimmed mean of errors is no
-    mean squared error: two estimators may be ranked by it only beside `relmse` and `firefly`, which tell what was set aside.
+    mean squared error: two estimators may be ranked by it only beside `relmse` and `firefly`, which tell what was set aside. From a deterministic
+    reference nothing is subtracted: its error bound moves the root of the score by its own weighted root mean square at most, and so the
+    interval's ends (the values kept are those of the least sum, so that the triangle inequality holds for what is kept as well).
     It is simpleimageio's but where the reference is black: there that one scores 0.
     """
 
@@ -39,30 +41,48 @@ class RelMseTrimmed:
             return undefined(self.name, note)
         weight = 1.0 / (reference.mean**2 + FLOOR)
         raw = (estimate.mean - reference.mean) ** 2 * weight
-        noise = reference.variance * weight if reference.batches else np.zeros_like(raw)
+        noise = reference.variance * weight
+        score = _trimmed if reference.batches else _trimmed_within_bound
 
         def over(mask: Mask) -> Score:
-            return _trimmed(self.name, raw, noise, mask)
+            return score(self.name, raw, noise, mask)
 
         return measured(raw.shape, over, np.mean(raw, axis=-1))
 
 
 def _trimmed(metric: str, raw: Image, noise: Image, mask: Mask) -> Score:
-    """raw, noise: (h, w, 3), weighted d^2 and v. mask: (h, w)."""
-    values = raw[mask]
-    dropped = int(values.size * TRIMMED)
-    ranked = np.sort(values, axis=None)
-    limit = float(ranked[ranked.size - dropped - 1])
+    """Against a sampled reference. raw, noise: (h, w, 3), weighted d^2 and v. mask: (h, w)."""
+    kept, limit, note = _kept(raw, mask)
     share = float(np.mean(noise[mask]))
-    value = float(np.mean(ranked[: ranked.size - dropped])) - share
-    winsorised = np.mean(np.minimum(raw, limit) - noise, axis=-1)
-    error = standard_error(winsorised, mask) / (1.0 - TRIMMED)
-    note = f"{dropped:,} of {values.size:,} values left out"
+    value, error = kept - share, _error(raw, limit, noise, mask)
     if share > NOISE_SHARE * value:
         upper = max(value, 0.0) + NORMAL * error
         return Score(metric=metric, value=upper, low=0.0, high=upper, bound=True, note=f"{BELOW_NOISE}; {note}")
     low, high = scale_interval(value, error)
     return Score(metric=metric, value=value, low=low, high=high, note=note)
+
+
+def _trimmed_within_bound(metric: str, raw: Image, squared: Image, mask: Mask) -> Score:
+    """Against a deterministic reference. raw, squared: (h, w, 3), weighted d^2 and b^2. mask: (h, w)."""
+    value, limit, note = _kept(raw, mask)
+    ends = scale_interval(value, _error(raw, limit, np.zeros_like(raw), mask))
+    low, high, hidden = within_bound(value, ends, float(np.mean(squared[mask])) / (1.0 - TRIMMED))
+    note = f"{BELOW_NOISE}; {note}" if hidden else note
+    return Score(metric=metric, value=high if hidden else value, low=low, high=high, bound=hidden, note=note)
+
+
+def _kept(raw: Image, mask: Mask) -> tuple[float, float, str]:
+    """The mean of the values kept, the largest of them, and how many were not, in words."""
+    ranked = np.sort(raw[mask], axis=None)
+    dropped = int(ranked.size * TRIMMED)
+    kept = ranked[: ranked.size - dropped]
+    return float(np.mean(kept)), float(kept[-1]), f"{dropped:,} of {ranked.size:,} values left out"
+
+
+def _error(raw: Image, limit: float, noise: Image, mask: Mask) -> float:
+    """The standard error of a winsorised mean."""
+    winsorised = np.mean(np.minimum(raw, limit) - noise, axis=-1)
+    return standard_error(winsorised, mask) / (1.0 - TRIMMED)
 
 
 METRICS.add("relmse-trimmed", RelMseTrimmed())

@@ -32,7 +32,10 @@ class Smape:
         """Score with its interval; map (h, w): mean over channels."""
         same_size(estimate, reference)
         weight = 1.0 / (np.abs(estimate.mean) + np.abs(reference.mean) + FLOOR)
-        return absolute_score(self.name, estimate, reference, weight)
+        # d/dr of |a - r| / (a + r + c) is at most 2 / (a + r + c), r being the least that the reference may be
+        least = np.maximum(np.abs(reference.mean) - np.sqrt(reference.variance), 0.0)
+        steepest = 2.0 / (np.abs(estimate.mean) + least + FLOOR)
+        return absolute_score(self.name, estimate, reference, weight, steepest)
 
 
 METRICS.add("smape", Smape())

@@ -94,8 +94,12 @@ def _debiased(raw: Image, noise: Image, inside: Mask) -> SquaredError:
 def _within_bound(raw: Image, squared_bound: float, inside: Mask) -> SquaredError:
     """Against a deterministic reference whose error is bounded. raw, inside: (h, w). squared_bound: the mean of b^2."""
     value = float(np.mean(raw[inside]))
-    low, high = scale_interval(value, standard_error(raw, inside))
+    low, high, hidden = within_bound(value, scale_interval(value, standard_error(raw, inside)), squared_bound)
+    return SquaredError(high if hidden else value, low, high, hidden, BELOW_NOISE if hidden else "", raw)
+
+
+def within_bound(value: float, ends: tuple[float, float], squared_bound: float) -> tuple[float, float, bool]:
+    """The ends of a squared error's interval moved out for a reference that is off by rms `sqrt(squared_bound)` at most, and whether that hides it."""
     slack = np.sqrt(squared_bound)
-    low, high = max(np.sqrt(low) - slack, 0.0) ** 2, (np.sqrt(high) + slack) ** 2
-    bound = squared_bound > NOISE_SHARE * value
-    return SquaredError(high if bound else value, low, high, bound, BELOW_NOISE if bound else "", raw)
+    low, high = max(np.sqrt(ends[0]) - slack, 0.0) ** 2, (np.sqrt(ends[1]) + slack) ** 2
+    return float(low), float(high), squared_bound > NOISE_SHARE * value

@@ -45,6 +45,10 @@ def displayed(image: Image, scale: float) -> Image:
 
 
 def shown_noise(reference: Reference, scale: float, mask: Mask) -> float:
-    """Mean square over a mask (h, w) of one standard error of the reference, as displayed."""
-    shifted: Image = reference.mean + np.sqrt(reference.variance)
-    return float(np.mean((displayed(shifted, scale) - displayed(reference.mean, scale))[mask] ** 2))
+    """Mean square over a mask (h, w) of one standard error of the reference, as displayed: up or down, whichever shows more.
+
+    Where the reference is at the display's white, an error upwards is clipped away and one downwards is not.
+    """
+    shown, error = displayed(reference.mean, scale), np.sqrt(reference.variance)
+    shifts = (np.abs(displayed(reference.mean + way * error, scale) - shown) for way in (1.0, -1.0))
+    return float(np.mean(np.maximum(*shifts)[mask] ** 2))

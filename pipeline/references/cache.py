@@ -157,7 +157,7 @@ def _make(
     progress: Progress | None,
 ) -> StoredReference:
     """Render what is missing beyond `stored` and what an interrupted call left, and store the whole."""
-    unfinished = Unfinished(entry.with_name(entry.name + UNFINISHED))
+    unfinished = Unfinished(entry.with_name(entry.name + UNFINISHED), entry.name)
     start = _start(stored, unfinished.read(scene.film))
     try:
         image = backend.render(scene, request, progress, Continuation(start, unfinished.keep))

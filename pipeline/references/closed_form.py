@@ -11,7 +11,6 @@ against this reference has the noise of the other side only. The error is almost
 
 from __future__ import annotations
 
-import hashlib
 import time
 from pathlib import Path
 
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.closed_form_film import film_plane
-from pipeline.references.closed_form_image import closed_form_image, radiance_at
+from pipeline.references.closed_form_image import closed_form_image, radiance_at, to_reference
 from pipeline.references.closed_form_scene import ClosedFormScene, analyse
 from pipeline.references.closed_form_uniform import (
     UniformScene,
@@ -35,9 +34,11 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
+    require,
 )
+from pipeline.references.sources import digest
 from scenes.description import SceneDescription
-from scenes.errors import PenumbraError, SceneError
+from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
 
@@ -52,9 +53,7 @@ class ClosedFormBackend:
 
     def version(self) -> str:
         """A hash of the sources that make the image."""
-        here = Path(__file__).parent
-        sources = sorted([*here.glob("closed_form*.py"), *here.glob("radiometry*.py")])
-        return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+        return digest(Path(__file__))
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What keeps the scene from having a closed form, in one sentence."""
@@ -72,27 +71,16 @@ class ClosedFormBackend:
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
         """The image; of `request` only the quantity has a bearing: there is nothing to sample. PenumbraError if the scene is refused."""
-        refusal = self.refuses(scene, request.quantity)
-        if refusal:
-            raise PenumbraError(f"scene {scene.name}: {refusal}")
+        require(self, scene, request.quantity)
         start = time.perf_counter()
         parts, film = _parts(scene, request.quantity), film_plane(scene.camera, scene.film)
         image = (
             uniform_image(parts, film) if isinstance(parts, UniformScene) else closed_form_image(parts, film, TOLERANCE)
         )
-        shape = (scene.film.height, scene.film.width, 3)
-        provenance = {
-            "backend": self.name,
-            "version": self.version(),
-            "variance": "square of the quadrature's error bound",
-            "tolerance": f"{TOLERANCE:g}",
-            "largest_bound": f"{image.bound.max():.3g}",
-            "cells": str(image.cells),
-        }
         if progress:
             progress(1.0)
-        mean, variance = image.mean.reshape(shape), image.bound.reshape(shape) ** 2
-        return ReferenceImage(mean, variance, 0, 0, time.perf_counter() - start, provenance)
+        provenance = {"backend": self.name, "version": self.version(), "tolerance": f"{TOLERANCE:g}"}
+        return to_reference(image, scene.film, provenance, start)
 
 
 def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | UniformScene:

@@ -9,7 +9,6 @@ sight, at which the radiance has kinks. In each piece it is smooth, and Gauss's 
 
 from __future__ import annotations
 
-import hashlib
 import time
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.references.closed_form_edge_scene import EdgeScene, analyse_edge
 from pipeline.references.closed_form_film import FilmPlane, classify, clip_by_planes, film_plane, outside_planes
+from pipeline.references.closed_form_image import PixelImage, to_reference
 from pipeline.references.closed_form_quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
 from pipeline.references.closed_form_scene import Plane, Receiver
 from pipeline.references.protocol import (
@@ -27,10 +27,12 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
+    require,
 )
 from pipeline.references.radiometry import clip_polygon_by_plane, knife_edge_irradiance, polygon_irradiance
+from pipeline.references.sources import digest
 from scenes.description import SceneDescription
-from scenes.errors import PenumbraError, SceneError
+from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -46,9 +48,7 @@ class EdgeBackend:
 
     def version(self) -> str:
         """A hash of the sources that make the image."""
-        here = Path(__file__).parent
-        sources = sorted([*here.glob("closed_form*.py"), *here.glob("radiometry*.py")])
-        return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+        return digest(Path(__file__))
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What keeps the scene from being an edge over a floor, in one sentence."""
@@ -68,30 +68,18 @@ class EdgeBackend:
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
         """The image; of `request` only the quantity has a bearing. PenumbraError if the scene is refused."""
-        refusal = self.refuses(scene, request.quantity)
-        if refusal:
-            raise PenumbraError(f"scene {scene.name}: {refusal}")
+        require(self, scene, request.quantity)
         start = time.perf_counter()
         film = film_plane(scene.camera, scene.film)
-        mean, bound, cells = edge_image(analyse_edge(scene), film)
-        shape = (scene.film.height, scene.film.width, 3)
-        provenance = {
-            "backend": self.name,
-            "version": self.version(),
-            "variance": "square of the quadrature's error bound",
-            "tolerance": f"{TOLERANCE:g}",
-            "largest_bound": f"{bound.max():.3g}",
-            "cells": str(cells),
-        }
+        image = edge_image(analyse_edge(scene), film)
         if progress:
             progress(1.0)
-        return ReferenceImage(
-            mean.reshape(shape), bound.reshape(shape) ** 2, 0, 0, time.perf_counter() - start, provenance
-        )
+        provenance = {"backend": self.name, "version": self.version(), "tolerance": f"{TOLERANCE:g}"}
+        return to_reference(image, scene.film, provenance, start)
 
 
-def edge_image(scene: EdgeScene, film: FilmPlane) -> tuple[Array, Array, int]:
-    """Radiance averaged over each pixel and the bound of its error, (pixels, 3) each, and the cells evaluated."""
+def edge_image(scene: EdgeScene, film: FilmPlane) -> PixelImage:
+    """Radiance averaged over each pixel, with the bound of its error."""
     sheet = film.planes(scene.sheet.patch.outline)
     on_sheet = _in_view(film, sheet)
     on_floor = _not_behind(film, sheet, _in_view(film, film.planes(scene.floor.patch.outline)))
@@ -105,7 +93,7 @@ def edge_image(scene: EdgeScene, film: FilmPlane) -> tuple[Array, Array, int]:
         mean += np.multiply.outer(totals.value, factor)
         bound += np.multiply.outer(totals.bound, factor)
         cells += totals.cells
-    return mean, bound, cells
+    return PixelImage(mean, bound, cells)
 
 
 def irradiance(scene: EdgeScene, plane: Plane, points: Array) -> Array:

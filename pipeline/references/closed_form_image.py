@@ -6,6 +6,7 @@ pixels plus pixel, so that one quadrature serves receivers of any albedo.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,9 @@ from pipeline.references.closed_form_film import (
 from pipeline.references.closed_form_floor import Floor, front_plane, make_floor
 from pipeline.references.closed_form_quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
 from pipeline.references.closed_form_scene import ClosedFormScene, Patch
+from pipeline.references.protocol import ReferenceImage
 from pipeline.references.radiometry import clip_polygon_by_plane
-from scenes.description import Disk
+from scenes.description import Disk, Film
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -41,6 +43,18 @@ class PixelImage:
     mean: Array
     bound: Array
     cells: int
+
+
+def to_reference(image: PixelImage, film: Film, provenance: dict[str, str], start: float) -> ReferenceImage:
+    """The reference of film.width x film.height that an image makes: no samples, its bound's square for variance. start: by time.perf_counter()."""
+    shape = (film.height, film.width, 3)
+    known = {
+        "variance": "square of the quadrature's error bound",
+        "largest_bound": f"{image.bound.max():.3g}",
+        "cells": str(image.cells),
+    }
+    seconds = time.perf_counter() - start
+    return ReferenceImage(image.mean.reshape(shape), image.bound.reshape(shape) ** 2, 0, 0, seconds, provenance | known)
 
 
 def closed_form_image(scene: ClosedFormScene, film: FilmPlane, tolerance: float) -> PixelImage:

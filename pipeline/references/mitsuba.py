@@ -7,7 +7,6 @@ nothing inside one Mitsuba render does; and more than about 10,000 samples a pix
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.metadata
 import time
 from collections.abc import Generator
@@ -30,7 +29,9 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
+    require,
 )
+from pipeline.references.sources import digest
 from scenes.description import (
     Diffuse,
     Disk,
@@ -63,13 +64,7 @@ class MitsubaBackend:
 
     def version(self) -> str:
         """Mitsuba's version, the variant that works here, and a hash of the code that converts and renders."""
-        here = Path(__file__).parent
-        sources = [
-            *sorted(here.glob("mitsuba*.py")),
-            *(here / name for name in ("ambient.py", "batches.py", "tally.py")),
-        ]
-        digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
-        return f"mitsuba {importlib.metadata.version('mitsuba')} {working_variant()} {digest}"
+        return f"mitsuba {importlib.metadata.version('mitsuba')} {working_variant()} {digest(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """No lights, two-sided lights, a camera or a patch without counterpart, or a gap that Mitsuba's rays overlook."""
@@ -90,9 +85,7 @@ class MitsubaBackend:
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
         """Render at least what `request` asks for, in whole batches; PenumbraError if refused or if Mitsuba fails."""
-        refusal = self.refuses(scene, request.quantity)
-        if refusal:
-            raise PenumbraError(f"scene {scene.name}: {refusal}")
+        require(self, scene, request.quantity)
         converted, variant = mitsuba_scene.convert(_what_to_render(scene, request.quantity)), working_variant()
 
         def draw(wanted: Batches) -> Generator[Image]:

@@ -13,6 +13,7 @@ from pipeline.references.mitsuba_scene import convert, normalising_frame
 from pipeline.references.mitsuba_shadows import EARLY, overlooked
 from pipeline.references.mitsuba_shapes import Frame, basis, side_shift, triangles
 from pipeline.references.mitsuba_worker import RAY_LIFT
+from pipeline.references.protocol import unlit
 from scenes.description import (
     Array,
     Disk,
@@ -30,8 +31,8 @@ RIM = 64  # points on a disk's rim
 
 def reason(scene: SceneDescription) -> str | None:
     """Why `scene` is out of Mitsuba's reach, in one sentence, or None; SceneError where it cannot be converted at all."""
-    if not scene.lights and not any(shape.emission for shape in scene.shapes):
-        return "it has no lights, so that its reference would be black"
+    if why := unlit(scene):
+        return why
     convert(scene)
     return _overlooked_gap(scene) or _overlooked_shade(scene)
 
@@ -71,7 +72,7 @@ def _overlooked_gap(scene: SceneDescription) -> str | None:
                 where = f" ({light.where})" if light.where else ""
                 return (
                     f"a light{where} is {gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "
-                    f"{lift / frame.scale:.2g} off a surface and overlook it; use the closed-form reference"
+                    f"{lift / frame.scale:.2g} off a surface and overlook it"
                 )
     return None
 

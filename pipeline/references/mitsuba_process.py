@@ -82,7 +82,7 @@ def _check_lift(lift: float) -> None:
     if lift > MOST_LIFT:
         raise PenumbraError(
             f"Mitsuba's rays start up to {lift:.2g} pixels off the surfaces in view (at most {MOST_LIFT} is accepted): "
-            "this view is too close, or too far from the lights, for its float32; use the closed-form reference"
+            "this view is too close, or too far from the lights, for its float32"
         )
 
 

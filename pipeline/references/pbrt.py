@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 
-import scenes
 from pipeline.references.ambient import bare_scene
 from pipeline.references.batches import Batches, accumulate, to_image
 from pipeline.references.channels import gray_scenes
@@ -34,7 +33,10 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
+    require,
+    unlit,
 )
+from pipeline.references.sources import digest
 from scenes.description import Environment, RenderDefaults, SceneDescription
 from scenes.errors import PenumbraError
 from scenes.export import ExportedScene, export
@@ -56,21 +58,15 @@ class PbrtBackend:
         self.timeout = timeout  # seconds, after which one run of pbrt is given up
 
     def version(self) -> str:
-        """The binary's content, and the code that exports scenes to it; PenumbraError where there is no binary."""
-        here, there = Path(__file__).parent, Path(scenes.__file__).parent
-        sources = [
-            *sorted(there.glob("export*.py")),
-            *(here / name for name in ("pbrt.py", "channels.py", "ambient.py")),
-        ]
-        digest = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+        """The binary's content, and a hash of the code that exports scenes to it and reads its images; PenumbraError where there is no binary."""
         binary = _binary()
         stat = binary.stat()
-        return f"pbrt-v4 {_fingerprint(binary, stat.st_mtime_ns, stat.st_size)} {digest}"
+        return f"pbrt-v4 {_fingerprint(binary, stat.st_mtime_ns, stat.st_size)} {digest(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """That there is no pbrt here, no lights, or no pbrt text for the scene."""
-        if quantity == "radiance" and not (scene.lights or any(shape.emission for shape in scene.shapes)):
-            return "it has no lights, so that its reference would be black"
+        if quantity == "radiance" and (why := unlit(scene)):
+            return why
         try:
             _binary()
             for one in passes(scene, quantity):
@@ -87,9 +83,7 @@ class PbrtBackend:
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
         """Render at least what `request` asks for; PenumbraError with what pbrt said if it fails, or with why it is refused."""
-        refusal = self.refuses(scene, request.quantity)
-        if refusal:
-            raise PenumbraError(f"scene {scene.name}: {refusal}")
+        require(self, scene, request.quantity)
         binary = _binary()
         grays = passes(scene, request.quantity)
 

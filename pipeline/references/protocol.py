@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.references.tally import Tally
 from scenes.description import SceneDescription
+from scenes.errors import PenumbraError
 from scenes.registry import Registry
 
 Image = NDArray[np.float64]
@@ -86,6 +87,19 @@ class ReferenceBackend(Protocol):
 
 
 BACKENDS: Registry[ReferenceBackend] = Registry("reference backend", "pipeline.references")
+
+
+def unlit(scene: SceneDescription) -> str | None:
+    """That a scene has no lights, or None."""
+    if scene.lights or any(shape.emission for shape in scene.shapes):
+        return None
+    return "it has no lights, so that its reference would be black"
+
+
+def require(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> None:
+    """PenumbraError where the backend refuses the scene."""
+    if reason := backend.refuses(scene, quantity):
+        raise PenumbraError(f"scene {scene.name}: {reason}")
 
 
 def takers(scene: SceneDescription, quantity: Quantity, without: str = "") -> list[str]:

@@ -30,10 +30,12 @@ SEAL = 32  # bytes of SHA-256 before the .npz
 class Unfinished:
     """The file of an unfinished reference: read once, then saved to now and then, and whenever it is told to.
 
-    path: of the file. last: what is not saved yet. next_save: when to, by time.monotonic().
+    path: of the file. key: of the reference, which the file holds as well: under another name its batches are another's. last: what
+    is not saved yet. next_save: when to, by time.monotonic().
     """
 
     path: Path
+    key: str
     last: Tally | None = None
     next_save: float = field(default_factory=lambda: time.monotonic() + SAVE_EVERY)
 
@@ -42,7 +44,7 @@ class Unfinished:
         if not self.path.is_file():
             return None
         try:
-            return _parse(self.path.read_bytes(), (film.height, film.width, 3))
+            return _parse(self.path.read_bytes(), self.key, (film.height, film.width, 3))
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             log.warning("the unfinished reference %s is damaged (%s); it will be made again", self.path, error)
             return None
@@ -60,8 +62,8 @@ class Unfinished:
         tally, self.last = self.last, None
         if tally is None:
             return
-        numbers = {"spp": tally.spp, "batches": tally.batches, "seconds": tally.seconds}
-        content = to_npz({"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in numbers.items()})
+        told = {"key": self.key, "spp": tally.spp, "batches": tally.batches, "seconds": tally.seconds}
+        content = to_npz({"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in told.items()})
         draft = self.path.with_name(f".{self.path.name}.{os.getpid()}")
         try:
             draft.write_bytes(hashlib.sha256(content).digest() + content)
@@ -74,12 +76,14 @@ class Unfinished:
         self.path.unlink(missing_ok=True)
 
 
-def _parse(data: bytes, shape: tuple[int, int, int]) -> Tally:
-    """ValueError and the like where `data` is not what was saved."""
+def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Tally:
+    """ValueError and the like where `data` is not what was saved, or is another reference's."""
     content = data[SEAL:]
     if hashlib.sha256(content).digest() != data[:SEAL]:
         raise ValueError("it does not match its checksum")
     arrays = from_npz(content)
+    if str(arrays["key"]) != key:
+        raise ValueError(f"it holds batches of another reference, {arrays['key']}")
     if arrays["mean"].shape != shape:
         raise ValueError(f"it is of size {arrays['mean'].shape}, not {shape}")
     numbers = int(arrays["spp"]), int(arrays["batches"]), float(arrays["seconds"])

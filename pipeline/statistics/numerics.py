@@ -33,6 +33,11 @@ def student_tail(level: float, dof: Array | float | int) -> Array:
     return np.asarray(stats.t.isf(level, dof), dtype=np.float64)
 
 
+def relative_entropy(x: Array, y: Array) -> Array:
+    """x ln(x / y) - x + y, elementwise: 0 at x = y, y at x = 0, infinite at y = 0 < x. x, y >= 0."""
+    return np.asarray(special.kl_div(x, y), dtype=np.float64)
+
+
 def gamma_quantile(probability: float, shape: int) -> float:
     """The x with P(G <= x) = probability, for a gamma variable of this shape and scale 1."""
     return float(stats.gamma.ppf(probability, shape))

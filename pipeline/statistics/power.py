@@ -13,20 +13,25 @@ POWER = 0.95
 SMALLEST, LARGEST = 1e-9, 1e6  # relative biases between which the answer is sought
 
 
-def smallest_detectable(mean: Array, error: Array, dof: Array, level: float, power: float = POWER) -> float:
+def smallest_detectable(
+    mean: Array, error: Array, dof: Array, level: float, slack: Array | float = 0.0, power: float = POWER
+) -> float:
     """The smallest bias e such that, were every true value (1 + e) times the reference's, the family would reject.
 
-    mean, error (standard error of the difference), dof: (..., channels) float64. level: of each comparison, two-sided. The family
+    mean, error (standard error of the difference), dof: (..., channels) float64. level: of each comparison, two-sided. slack: of the
+    means' shape, what a difference loses before it counts (an error bound). An error of inf is a comparison that promises nothing. The family
     rejects if any comparison does; comparisons of one channel are independent, channels of a pixel are not, so the best single channel
     counts. Returns inf where nothing could be caught (a black reference).
     """
     critical = student_tail(level / 2, dof)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(mean == 0, 0.0, np.abs(mean) / error)
-    scale = np.where(np.isnan(scale), 0.0, scale)  # a pixel that is not finite detects no bias, it rejects at once
+    finite = np.isfinite(mean) & np.isfinite(error)  # what is not finite rejects at once, or promises nothing
+    value, lost = np.where(finite, np.abs(mean), 0.0), np.where(finite, slack, 0.0)
 
     def lacking(log_bias: float) -> float:
-        return power - _family_power(np.exp(log_bias) * scale, critical, dof)
+        beyond = np.maximum(np.exp(log_bias) * value - lost, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shift = np.where(beyond == 0, 0.0, beyond / error)
+        return power - _family_power(shift, critical, dof)
 
     if lacking(float(np.log(LARGEST))) > 0:
         return float("inf")

@@ -16,9 +16,10 @@ z^6/9 = 1,600 events, where the Edgeworth term z^3/(3 sqrt(L)) of the studentise
 variance is held up by what is known of it besides: the other side's variance at this side's number of samples (under the
 null both sample the same visibility), and the mean over the 3 x 3 pixels around. That only ever lengthens the denominator: no alarm is added, and
 what it costs in power is in `smallest_detectable`, which is computed from the same denominators. The mean differences are untouched, so
-a bias is diluted nowhere. Without both sample counts, and against an exact image, nothing holds the variance up where no event was
-seen; the family of pixels is then left out, the regions remain. So it is where this side's samples vary far more than the other's (`ALIKE`): an estimator that meets
-a light once in a thousand samples has few events in every pixel, and the other side's variance says nothing of it.
+a bias is diluted nowhere. This holds nothing up against an exact image or without sample counts, nor where this side's samples vary far more
+than the other's (`ALIKE`): an estimator that meets a light once in a thousand samples has few events in every pixel, and the other side's
+variance says nothing of it. There, regions of few events are tested by how large the samples are instead (few_events.py), and so are all
+pixels if the other side is exact; otherwise the family of pixels is left out, and the regions remain.
 
 Pixels are taken to be independent, as with a box filter. The variance of quasi-random samples is not what the film's M2
 says: bring replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a heavy tail: see heavy_tail.py.
@@ -27,13 +28,17 @@ says: bring replicate scrambles, 16 or more, through `batch_moments`. No test he
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.statistics.numerics import box_mean, student_survival
+from pipeline.statistics.few_events import as_due, bounded_p, few_events
+from pipeline.statistics.moments import Draws as Draws
+from pipeline.statistics.moments import Moments, held_up, masked, reduced, steadied, summed
+from pipeline.statistics.moments import batch_moments as batch_moments
+from pipeline.statistics.numerics import student_survival
 from pipeline.statistics.power import smallest_detectable
 
 Array = NDArray[np.float64]
@@ -45,26 +50,6 @@ ALIKE = (
 )
 # Relative. A reference's batch is a running float32 sum: 256 equal samples may each lose half a unit in the last place.
 ROUNDING = 256 * 2.0**-24
-
-
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """One side of a comparison.
-
-    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where it is known
-    or the mean exact. samples: independent samples a pixel behind the mean; None where unknown or the mean exact.
-    """
-
-    mean: Array
-    variance: Array
-    dof: float | int
-    samples: float | int | None = None
-
-    def __post_init__(self) -> None:
-        if self.mean.shape != self.variance.shape:
-            raise ValueError(f"mean and variance of different shapes: {self.mean.shape} and {self.variance.shape}")
-        if np.any(np.isfinite(self.mean) & ~(self.variance >= 0)):
-            raise ValueError("a variance is negative or undefined: it takes 2 samples or batches at least")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +74,12 @@ class TestResult:
 
     def __str__(self) -> str:
         verdict = "differ" if self.reject else "agree"
+        promised = np.isfinite(self.smallest_detectable)
+        caught = f", smallest bias it would have caught {self.smallest_detectable:.3%}" if promised else ""
         return (
-            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, worst difference {self.effect:+.3%}, "
-            f"smallest bias it would have caught {self.smallest_detectable:.3%}"
+            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, worst difference {self.effect:+.3%}"
+            f"{caught}"
         )
-
-
-def batch_moments(batches: Array, samples: float | int | None = None) -> Moments:
-    """The moments of independent batches of equal size. batches: (b, h, w, 3) float64, b >= 2; samples: a pixel, in all."""
-    count = batches.shape[0]
-    return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
 
 
 def compare_images(
@@ -112,18 +93,26 @@ def compare_images(
     """Test image `a` against reference `b`: "image", "regions" (a grid), a family for each of `parts`, and "pixels".
 
     Each family is held to level alpha. regions: rows and columns of the grid, no more than pixels. parts: names of
-    further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the others take Sidak's. The pixels need both sample
-    counts, and samples that vary alike. A pixel that is not finite rejects. Differences up to 1.5e-5 of the value are float32
-    rounding and count as none; beyond that, a difference where neither side has any variance rejects. Sources: [welch1947], [sidak1967].
+    further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the others take Sidak's. The pixels need samples
+    that vary alike (by variance), or an exact `b` and the draws of `a` (by few_events.py, with no promise of what they catch). A pixel that is not
+    finite rejects. Differences up to 1.5e-5 of the value are float32 rounding and count as none, as do those within the bounds of both; beyond that, a difference where neither side has any variance rejects. Sources: [welch1947], [sidak1967].
     """
     if a.mean.shape != b.mean.shape:
         raise ValueError(f"images of different shapes: {a.mean.shape} and {b.mean.shape}")
-    out = [_compare("image", _reduced(a, (1, 1)), _reduced(b, (1, 1)), alpha)]
-    out.append(_compare("regions", _reduced(a, regions), _reduced(b, regions), alpha))
+    alike = vary_alike(a, b)
+    draws = None if alike else a.draws
+    out = [_compare("image", reduced(a, (1, 1)), reduced(b, (1, 1)), alpha)]
+    whole = np.ones_like(a.mean)
+    few = Few(draws, summed(whole, regions)) if draws else None
+    out.append(_compare("regions", reduced(a, regions), reduced(b, regions), alpha, few=few))
     for name, mask in (parts or {}).items():
-        out.append(_compare(name, _masked(a, mask), _masked(b, mask), alpha))
-    if vary_alike(a, b):
-        out.append(_compare("pixels", _steadied(a), _steadied(b), alpha, correction))
+        few = Few(draws, np.full((1, 1, 3), float(np.count_nonzero(mask)))) if draws else None
+        one, other = (reduced(masked(side, mask), (1, 1)) for side in (a, b))
+        out.append(_compare(name, one, other, alpha, few=few))
+    if alike:
+        out.append(_compare("pixels", steadied(a), steadied(b), alpha, correction))
+    elif draws and b.exact:
+        out.append(_compare("pixels", a, b, alpha, correction, Few(draws, whole, all=True)))
     return out
 
 
@@ -147,13 +136,17 @@ def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         variance = a.variance + b.variance
         dof = variance**2 / (a.variance**2 / a.dof + b.variance**2 / b.dof)
-        slack = ROUNDING * np.maximum(np.abs(a.mean), np.abs(b.mean))
-        difference = np.maximum(np.abs(a.mean - b.mean) - slack, 0.0)
+        difference = np.maximum(np.abs(a.mean - b.mean) - allowance(a, b), 0.0)
         statistic = np.where(difference == 0, 0.0, difference / np.sqrt(variance))
     dof = np.where(np.isfinite(dof), dof, np.inf)
     finite = np.isfinite(statistic) & np.isfinite(a.mean) & np.isfinite(b.mean)
     p = 2.0 * student_survival(np.where(finite, statistic, np.inf), dof)
     return p, np.sqrt(variance), dof
+
+
+def allowance(a: Moments, b: Moments) -> Array:
+    """Differences that count as none: float32's rounding of the greater, and both bounds."""
+    return ROUNDING * np.maximum(np.abs(a.mean), np.abs(b.mean)) + a.slack + b.slack
 
 
 def sidak(p: float, comparisons: int) -> float:
@@ -172,14 +165,31 @@ def simes(p: Array) -> float:
     return float(min(1.0, np.min(ranked * ranked.size / np.arange(1, ranked.size + 1))))
 
 
-def _compare(name: str, a: Moments, b: Moments, alpha: float, correction: Correction = "sidak") -> TestResult:
+@dataclass(frozen=True, eq=False)
+class Few:
+    """What is known of regions that may hold few events: the draws of a pixel, pixels (..., 3) of each; all: none is tested by its variance."""
+
+    draws: Draws
+    pixels: Array
+    all: bool = False
+
+
+def _compare(
+    name: str, a: Moments, b: Moments, alpha: float, correction: Correction = "sidak", few: Few | None = None
+) -> TestResult:
     """One family: every element of the arrays is a comparison; the last axis is the channel."""
-    held_a, held_b = _held_up(a, b), _held_up(b, a)
+    held_a, held_b = held_up(as_due(a, b) if few else a, b), held_up(b, a)
     p, error, dof = welch(held_a, held_b)
+    slack = allowance(a, b)
+    if few:
+        chosen = few_events(few.draws, few.pixels, b) | few.all
+        rounded = ROUNDING * np.abs(b.mean) + a.slack + b.slack  # no rounding of ours makes light where there is none
+        p = np.where(chosen, bounded_p(few.draws, few.pixels, a.mean, b, rounded), p)
+        error = np.where(chosen, np.inf, error)
     worst = int(np.argmin(p))
     family = sidak(float(p.flat[worst]), p.size) if correction == "sidak" else simes(p)
     level = sidak_level(alpha, p.size) if correction == "sidak" else alpha / p.size
-    caught = max(smallest_detectable(b.mean, error, dof, level), ROUNDING)
+    caught = max(smallest_detectable(b.mean, error, dof, level, slack), ROUNDING)
     effect = _relative(float(a.mean.flat[worst]), float(b.mean.flat[worst]))
     return TestResult(name, p.size, family, effect, caught, family < alpha, np.min(p, axis=-1))
 
@@ -189,46 +199,3 @@ def _relative(value: float, reference: float) -> float:
     if value == reference:
         return 0.0
     return (value - reference) / abs(reference) if reference else float(np.copysign(np.inf, value))
-
-
-def _held_up(side: Moments, other: Moments) -> Moments:
-    """`side` with a variance of no less than the other side's samples would have at this side's number of them."""
-    if side.samples is None or other.samples is None:
-        return side
-    known = np.where(np.isfinite(other.variance), other.variance, 0.0)
-    return replace(side, variance=np.maximum(side.variance, known * (other.samples / side.samples)))
-
-
-def _steadied(side: Moments) -> Moments:
-    """`side` with a variance of no less than the mean over the 3 x 3 pixels around, channel by channel."""
-    finite = np.where(
-        np.isfinite(side.variance), side.variance, 0.0
-    )  # the filter's running sum would carry a nan along
-    around = box_mean(finite, 3)
-    return replace(side, variance=np.maximum(side.variance, around))
-
-
-def _reduced(side: Moments, grid: tuple[int, int]) -> Moments:
-    """Means over a grid of regions (rows, columns), their variances, and Satterthwaite's degrees of freedom [welch1947].
-
-    The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees of freedom; the
-    least over regions and channels is used, of which there are always hundreds.
-    """
-    variance = _summed(side.variance, grid)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        dof = variance**2 / _summed(side.variance**2 / side.dof, grid)
-    pixels = _summed(np.ones_like(side.mean), grid)
-    least = float(np.min(np.where(np.isfinite(dof), dof, np.inf)))
-    return Moments(_summed(side.mean, grid) / pixels, variance / pixels**2, least, side.samples)
-
-
-def _masked(side: Moments, mask: Mask) -> Moments:
-    """The mean over the pixels of a mask (h, w), as (1, 1, 3)."""
-    inside = replace(side, mean=side.mean[mask][None], variance=side.variance[mask][None])
-    return _reduced(inside, (1, 1))
-
-
-def _summed(image: Array, grid: tuple[int, int]) -> Array:
-    """Sums over a grid of regions: (h, w, 3) -> (rows, columns, 3); regions differ by a pixel at most."""
-    rows, columns = (np.arange(n) * size // n for n, size in zip(grid, image.shape[:2], strict=True))
-    return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)

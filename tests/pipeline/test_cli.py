@@ -115,12 +115,8 @@ def test_render_takes_what_is_not_given_from_the_scene(penumbra: Penumbra, tmp_p
 
 
 def test_one_sample_has_no_noise_and_json_no_nan(penumbra: Penumbra, tmp_path: Path) -> None:
-    assert (
-        answer(penumbra, "render", "touching-light", "-o", tmp_path / "a.exr", *SMALL, "--spp", "1")["statistics"][
-            "noise"
-        ]
-        == "NaN"
-    )
+    told = answer(penumbra, "render", "touching-light", "-o", tmp_path / "a.exr", *SMALL, "--spp", "1")
+    assert told["statistics"]["noise"] is None
 
 
 def test_quiet_says_nothing_on_stderr(penumbra: Penumbra, tmp_path: Path) -> None:

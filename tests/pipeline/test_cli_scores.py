@@ -28,6 +28,14 @@ def test_compare_answers_by_every_metric(penumbra: Penumbra, tmp_path: Path) -> 
     assert all(told["scores"][name]["note"] for name in missing)
 
 
+def test_json_has_null_for_what_is_infinite_and_says_why(penumbra: Penumbra, tmp_path: Path) -> None:
+    """Equal pictures have an infinite PSNR; against a closed form, single pixels promise to catch no size of bias."""
+    psnr = answer(penumbra, "compare", *[images(tmp_path, 0.0)[0]] * 2, "-m", "psnr")["scores"]["psnr"]
+    assert psnr["value"] is None and "infinite" in psnr["note"]
+    told = answer(penumbra, "verify", *EXACT, "--estimator", "solid-angle", "--spp", "16")
+    assert next(test for test in told["tests"] if test["name"] == "pixels")["smallest_detectable"] is None
+
+
 def test_compare_takes_the_variance_from_a_file_of_its_own(penumbra: Penumbra, tmp_path: Path) -> None:
     """A reference with noise of 0.1 a pixel, which is all that tells it from the image: taken as exact, the image's RMSE is 0.1."""
     rng = np.random.default_rng(71)

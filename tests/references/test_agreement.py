@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,8 +96,45 @@ def test_what_cannot_be_compared_is_told():
         agreement(scene, estimators=["mis", "analytic-visibility"])
     with pytest.raises(PenumbraError, match="at least 16"):
         agreement(scene, spp=4)
+    with pytest.raises(PenumbraError, match="'mis' is given more than once"):
+        agreement(scene, estimators=["mis", "area", "mis"], spp=16)
     with pytest.raises(PenumbraError, match="fewer than two"):
         agreement(scene, estimators=["mis", "environment"], spp=16)
+
+
+def test_regions_are_tested_against_a_closed_form_and_the_one_that_differs_is_named(monkeypatch):
+    """Sampling the light's area near the floor, parts of which see no light: no difference. A light twice as bright on the right is one."""
+    scene = scenes.load("touching-light", SMALL | {"gap": 0.01})
+    exact = ("closed-form", BACKENDS["closed-form"].render(scene, ReferenceRequest()))
+    for seed in range(6):
+        matrix = agreement(
+            scene, estimators=["area", "solid-angle"], spp=32, seed=10 * seed, alpha=1e-3, reference=exact
+        )
+        assert matrix.agree, matrix.pairs
+    right = changeable(exact[1])
+    right.mean[18:, 24:] *= 1.05
+    matrix = agreement(scene, estimators=["solid-angle"], spp=256, alpha=1e-3, reference=("closed-form", right))
+    (pair,) = matrix.pairs
+    assert not pair.agree and pair.where == "row 4 of 4, column 4 of 4"
+
+
+def changeable(image):
+    """A copy that may be changed."""
+    return replace(image, mean=image.mean.copy())
+
+
+def test_one_pair_is_spoken_of_as_one_and_what_is_not_finite_is_null(capsys):
+    """Nothing is lit in a sealed box: both images are black, and there is no relative difference."""
+    command = ["agreement", "sealed-box", "-D", "xresolution=16", "-D", "yresolution=12", "--spp", "16"]
+    chosen = ["--estimator", "mis", "--estimator", "bsdf", "--reference", "none", "--quiet"]
+    for more in ([], ["--json"]):
+        with pytest.raises(SystemExit) as stop:
+            main([*command, *chosen, *more])
+        assert stop.value.code in (0, None)
+    text, data = capsys.readouterr().out.split("{", 1)
+    assert "the pair agrees" in text
+    (pair,) = json.loads("{" + data, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))["pairs"]
+    assert pair["difference"] is None and pair["agree"] is True
 
 
 def test_the_command_prints_the_matrix_and_tells_by_its_exit_code(capsys):

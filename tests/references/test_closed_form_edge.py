@@ -71,7 +71,8 @@ def test_a_pixel_is_the_mean_over_its_square(name: str, parameters: dict[str, fl
     """Against 24 x 24 midpoints in each pixel: up to half of 1/24 of a step where an edge cuts a pixel, in one row of 16; far less elsewhere."""
     description = scenes.load(name, {"xresolution": 16, "yresolution": 16, **parameters})
     edge, film = analyse_edge(description), film_plane(description.camera, description.film)
-    mean, bound, _ = edge_image(edge, film)
+    image = edge_image(edge, film)
+    mean, bound = image.mean, image.bound
     share = (np.arange(24) + 0.5) / 24
     low, high = film.squares(np.arange(film.pixels))[:, 0], film.squares(np.arange(film.pixels))[:, 2]
     total = np.zeros_like(mean)

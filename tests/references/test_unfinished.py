@@ -17,7 +17,7 @@ import pytest
 from pipeline.references import cache, unfinished
 from pipeline.references.cache import UNFINISHED
 from pipeline.references.protocol import ReferenceRequest
-from tests.references.fake_batches import FakeBackend, ask, fake
+from tests.references.fake_batches import FakeBackend, ask, fake, small
 
 __all__ = ["fake"]
 
@@ -90,6 +90,22 @@ def test_damaged_batches_are_reported_and_drawn_again(
     with caplog.at_level(logging.WARNING, "penumbra"):
         again = ask(tmp_path)
     assert again.kept == 0 and len(fake.drawn) == 6 and "unfinished" in caplog.text
+
+
+def test_batches_of_another_reference_are_reported_and_drawn_again(
+    fake: FakeBackend, tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    """A file that was renamed or copied over: whole, of the right size, and of another scene."""
+    left = interrupted(fake, tmp_path)
+    interrupt_at(fake, 4)
+    with pytest.raises(KeyboardInterrupt):
+        ask(tmp_path, small(albedo=0.25))
+    fake.during = never
+    (other,) = set(tmp_path.glob(f"*{UNFINISHED}")) - {left}
+    left.replace(other)
+    with caplog.at_level(logging.WARNING, "penumbra"):
+        again = ask(tmp_path, small(albedo=0.25))
+    assert again.kept == 0 and "another reference" in caplog.text
 
 
 def test_killed_between_any_two_steps_of_storing(fake: FakeBackend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -1,0 +1,115 @@
+"""One side of a comparison of images: its mean, what is known of that mean's error, and both over regions.
+
+Two kinds of error are kept apart. A variance is that of independent noise: over a region of n pixels it falls as 1/n. A bound is
+what a quadrature or a float32 sum may be off by, of unknown sign and the same for neighbours as far as anybody knows: the bound of
+a region's mean is the mean of its pixels' bounds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.statistics.numerics import box_mean
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """The independent draws behind each pixel. count: how many. least, largest: (3,) float64, of the whole image, channel by channel.
+
+    least: 0 for draws that are never negative.
+    """
+
+    count: int
+    least: Array
+    largest: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """One side of a comparison.
+
+    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where it is known
+    or the mean exact. samples: independent samples a pixel behind the mean; None where unknown or the mean exact. bound: (h, w, 3), what the
+    mean may be off by besides; None for nothing. draws: None where nothing is known of single ones (see few_events.py).
+    """
+
+    mean: Array
+    variance: Array
+    dof: float | int
+    samples: float | int | None = None
+    bound: Array | None = None
+    draws: Draws | None = None
+
+    def __post_init__(self) -> None:
+        if self.mean.shape != self.variance.shape:
+            raise ValueError(f"mean and variance of different shapes: {self.mean.shape} and {self.variance.shape}")
+        if np.any(np.isfinite(self.mean) & ~(self.variance >= 0)):
+            raise ValueError("a variance is negative or undefined: it takes 2 samples or batches at least")
+        if self.bound is not None and (self.bound.shape != self.mean.shape or not np.all(self.bound >= 0)):
+            raise ValueError("an error bound is negative, undefined or of another shape than the mean")
+
+    @property
+    def exact(self) -> bool:
+        """Whether the mean has no error but its bound."""
+        return self.samples is None and not np.any(self.variance)
+
+    @property
+    def slack(self) -> Array:
+        """The bound, 0 where there is none."""
+        return np.zeros_like(self.mean) if self.bound is None else self.bound
+
+
+def batch_moments(batches: Array, samples: float | int | None = None) -> Moments:
+    """The moments of independent batches of equal size. batches: (b, h, w, 3) float64, b >= 2; samples: a pixel, in all."""
+    count = batches.shape[0]
+    return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
+
+
+def held_up(side: Moments, other: Moments) -> Moments:
+    """`side` with a variance of no less than the other side's samples would have at this side's number of them."""
+    if side.samples is None or other.samples is None:
+        return side
+    known = np.where(np.isfinite(other.variance), other.variance, 0.0)
+    return replace(side, variance=np.maximum(side.variance, known * (other.samples / side.samples)))
+
+
+def steadied(side: Moments) -> Moments:
+    """`side` with a variance of no less than the mean over the 3 x 3 pixels around, channel by channel."""
+    finite = np.where(
+        np.isfinite(side.variance), side.variance, 0.0
+    )  # the filter's running sum would carry a nan along
+    around = box_mean(finite, 3)
+    return replace(side, variance=np.maximum(side.variance, around))
+
+
+def reduced(side: Moments, grid: tuple[int, int]) -> Moments:
+    """Means over a grid of regions (rows, columns), their variances, and Satterthwaite's degrees of freedom [welch1947].
+
+    The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees of freedom; the
+    least over regions and channels is used, of which there are always hundreds. Bounds add up as they are.
+    """
+    variance = summed(side.variance, grid)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        dof = variance**2 / summed(side.variance**2 / side.dof, grid)
+    pixels = summed(np.ones_like(side.mean), grid)
+    least = float(np.min(np.where(np.isfinite(dof), dof, np.inf)))
+    bound = None if side.bound is None else summed(side.bound, grid) / pixels
+    return Moments(summed(side.mean, grid) / pixels, variance / pixels**2, least, side.samples, bound)
+
+
+def masked(side: Moments, mask: Mask) -> Moments:
+    """`side` over the pixels of a mask (h, w) alone, as one row (1, n, 3)."""
+    bound = None if side.bound is None else side.bound[mask][None]
+    return replace(side, mean=side.mean[mask][None], variance=side.variance[mask][None], bound=bound)
+
+
+def summed(image: Array, grid: tuple[int, int]) -> Array:
+    """Sums over a grid of regions: (h, w, 3) -> (rows, columns, 3); regions differ by a pixel at most."""
+    rows, columns = (np.arange(n) * size // n for n, size in zip(grid, image.shape[:2], strict=True))
+    return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)
