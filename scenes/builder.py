@@ -21,7 +21,7 @@ from scenes.description import (
     Texture,
 )
 from scenes.errors import Location, Report, SceneError, Unsupported
-from scenes.parameters import Parameter, Parameters
+from scenes.parameters import SRGB, Parameter, Parameters
 from scenes.transforms import Transform, identity
 
 DEFAULT_REFLECTANCE = 0.5
@@ -64,12 +64,13 @@ class AreaLight:
 
 @dataclass(frozen=True, eq=False)
 class GraphicsState:
-    """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its target."""
+    """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its target. space: of `rgb`."""
 
     transform: Transform = field(default_factory=identity)
     reverse: bool = False
     material: MaterialUse = field(default_factory=lambda: Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
     light: AreaLight | None = None
+    space: str = SRGB
     attributes: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict[str, tuple[Parameter, ...]])
 
 
@@ -102,7 +103,10 @@ class NamedTexture:
 
 @dataclass(eq=False)
 class Builder:
-    """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name. texels: of all images."""
+    """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name. texels: of all images.
+
+    without_lights: where `Integrator` says that lights are not to be sampled.
+    """
 
     report: Report = field(default_factory=Report)
     state: GraphicsState = field(default_factory=GraphicsState)
@@ -112,16 +116,21 @@ class Builder:
     film: Film = field(default_factory=lambda: Film(1280, 720, "", UNSAID))
     defaults: RenderDefaults = field(default_factory=RenderDefaults)
     occlusion_distance: float = np.inf
+    without_lights: Location | None = None
+    has_integrator: bool = False
     materials: dict[str, MaterialUse] = field(default_factory=dict[str, MaterialUse])
     textures: dict[tuple[str, str], NamedTexture] = field(default_factory=dict[tuple[str, str], NamedTexture])
+    texture_names: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
     systems: dict[str, Transform] = field(default_factory=dict[str, Transform])
     shapes: list[PlacedShape] = field(default_factory=list[PlacedShape])
     lights: list[Light] = field(default_factory=list[Light])
     objects: dict[str, list[PlacedShape]] = field(default_factory=dict[str, list[PlacedShape]])
     current_object: str | None = None
     uses: list[InstanceUse] = field(default_factory=list[InstanceUse])
-    seen: set[str] = field(default_factory=set[str])
     texels: int = 0
+    images: dict[tuple[str, ...], Array] = field(
+        default_factory=dict[tuple[str, ...], Array]
+    )  # `scenes.texels` fills it
 
 
 Handler = Callable[[Builder, str, Parameters], None]

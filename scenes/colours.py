@@ -45,6 +45,12 @@ ILLUMINANTS = {
     **{f"stdillum-F{i}": f"FL{i}" for i in range(1, 13)},
     "illum-acesD60": "D60",
 }
+# CIE xy of red, green and blue: IEC 61966-2-1, ITU-R BT.2020, and pbrt's P3, whose white is D65 too.
+PRIMARIES = {
+    "srgb": ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06)),
+    "rec2020": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046)),
+    "dci-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06)),
+}
 OPAQUE = 0.9999  # pbrt's greatest reflectance of a conductor
 SECOND_RADIATION = 1.438776877e-2  # h c / k in m K, CODATA 2018; colour-science's own is rounded to five digits
 COLDEST, HOTTEST = 100.0, 1e9  # K; far beyond either, double precision does not hold Planck's law at 360 nm
@@ -126,6 +132,16 @@ def conductor_of_reflectance(r: Array) -> tuple[Array, Array]:
     return np.ones(3), 2 * np.sqrt(r / (1 - r))
 
 
+def from_space(name: str, rgb: Array, most: float) -> Array:
+    """(3,) linear RGB of one of SPACES as linear sRGB, what sRGB does not hold cut off below 0 and above `most`.
+
+    Their white is D65 as sRGB's, so that grays stay what they are. What pbrt's film shows of a saturated reflectance also hangs on the
+    spectrum that pbrt makes of it, and agrees as little as any saturated one's does.
+    """
+    here, there = _to_xyz(np.array(PRIMARIES["srgb"])), _to_xyz(np.array(PRIMARIES[name]))
+    return np.clip(np.asarray(np.linalg.solve(here, there @ rgb), dtype=np.float64), 0.0, most)
+
+
 @dataclass(frozen=True, eq=False)
 class _Standard:
     """xyz: (3, 471), the CIE 1931 colour matching functions. from_xyz: (3, 3), to linear sRGB.
@@ -189,15 +205,23 @@ def _metals() -> dict[str, Array]:
 
 @cache
 def _standard() -> _Standard:
-    colour = _colour()
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    xyz = np.ascontiguousarray(np.asarray(observer.values, dtype=np.float64).T)
+    xyz = _observer()
     d65 = _illuminant("D65")
     white = xyz @ d65
-    primaries = colour.RGB_COLOURSPACES["sRGB"].primaries
-    to_xyz = colour.normalised_primary_matrix(primaries, white[:2] / white.sum())
-    from_xyz = np.asarray(np.linalg.inv(np.asarray(to_xyz, dtype=np.float64)), dtype=np.float64)
+    from_xyz = np.asarray(np.linalg.inv(_to_xyz(np.array(PRIMARIES["srgb"]))), dtype=np.float64)
     return _Standard(xyz, from_xyz, from_xyz @ (xyz * d65) / white[1])
+
+
+def _observer() -> Array:
+    """(3, 471) the CIE 1931 colour matching functions."""
+    observer = _colour().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    return np.ascontiguousarray(np.asarray(observer.values, dtype=np.float64).T)
+
+
+def _to_xyz(primaries: Array) -> Array:
+    """(3, 3) from linear RGB of these primaries (3, 2), their white being D65's own integral, to XYZ."""
+    white = _observer() @ _illuminant("D65")
+    return np.asarray(_colour().normalised_primary_matrix(primaries, white[:2] / white.sum()), dtype=np.float64)
 
 
 def _illuminant(name: str) -> Array:

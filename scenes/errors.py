@@ -89,5 +89,6 @@ class Report:
 
 def _one_line(text: str) -> str:
     """What a file says, fit for a terminal: control characters spelled out, and the middle of long nonsense left out."""
+    text = text if len(text) <= 1200 else text[:600] + text[-600:]  # before it is gone through; more is not shown
     printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     return printable if len(printable) <= 600 else f"{printable[:295]} ... {printable[-300:]}"

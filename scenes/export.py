@@ -9,7 +9,7 @@ file and is refused. What pbrt-v4 lacks is written in our own words, under a com
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def export(scene: SceneDescription, stem: str) -> ExportedScene:
     head += [
         *_camera(scene.camera),
         *_film(scene.film, scene.name),
-        *_sampling(scene.defaults, scene.occlusion_distance),
+        *_sampling(_written(scene), scene.occlusion_distance),
     ]
     return ExportedScene("\n".join([*head, "", "WorldBegin", *body]) + "\n", files.images, notes)
 
@@ -96,6 +96,8 @@ def _notes(scene: SceneDescription, files: SideFiles) -> tuple[str, ...]:
         )
     if files.rounded:
         notes.append("images are rounded to float32")
+    if files.uneven:
+        notes.append("textures have sides that are no powers of two; whoever reads the file resizes them, as pbrt does")
     return tuple(notes)
 
 
@@ -122,6 +124,12 @@ def _film(film: Film, name: str) -> list[str]:
         f' "string filename" [ {quoted(filename)} ] "bool savefp16" [ false ]',
         f'PixelFilter "{chosen.kind}" "float xradius" [ {chosen.xradius!r} ] "float yradius" [ {chosen.yradius!r} ]{sigma}',
     ]
+
+
+def _written(scene: SceneDescription) -> RenderDefaults:
+    """The defaults that the text can tell: without light sampling pbrt would lose the lights that no direction finds."""
+    lost = scene.defaults.estimator in SIMPLE_PATH and any(not isinstance(light, Environment) for light in scene.lights)
+    return replace(scene.defaults, estimator=None) if lost else scene.defaults
 
 
 def _sampling(defaults: RenderDefaults, occlusion_distance: float) -> list[str]:

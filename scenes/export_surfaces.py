@@ -21,13 +21,16 @@ from scenes.export_text import numbers, quoted
 
 
 class SideFiles:
-    """The images (h, w, 3) that a text names, by file name; one that is used twice is written once. rounded: whether float32 changes any."""
+    """The images (h, w, 3) that a text names, by file name; one that is used twice is written once.
+
+    rounded: whether float32 changes any. uneven: whether a texture has a side that is no power of two.
+    """
 
     def __init__(self, stem: str) -> None:
         self._stem = stem
         self._names: dict[int, str] = {}
         self.images: dict[str, Array] = {}
-        self.rounded = False
+        self.rounded = self.uneven = False
 
     def add(self, image: Array) -> str:
         """The quoted name of the file that will hold `image`."""
@@ -80,11 +83,19 @@ class Surfaces:
                 if type_ == "float":
                     _check_gray(texture.image)
                 _check_kind(texture, type_)
+                self.files.uneven |= any(side & (side - 1) for side in texture.image.shape[:2])
                 look = f'"string filter" "{texture.filter}" "string wrap" "{texture.wrap}"'
                 return f'"imagemap" "string filename" {self.files.add(texture.image)} {look}{_value(texture)}{_mapping(texture.mapping)}'
             case Checkerboard():
                 parts = self._parts({"tex1": (type_, texture.first), "tex2": (type_, texture.second)}, lines)
                 return f'"checkerboard" {parts}{_mapping(texture.mapping)}'
+            case Product() if (pair := _folded(texture, type_)) is not None:
+                named: dict[str, tuple[str, Texture]] = {
+                    "tex1": (type_, np.zeros(3)),
+                    "tex2": (type_, pair[0]),
+                    "amount": ("float", pair[1]),
+                }
+                return f'"mix" {self._parts(named, lines)}'
             case Product():
                 return (
                     f'"scale" {self._parts({"tex": (type_, texture.first), "scale": ("float", texture.second)}, lines)}'
@@ -101,6 +112,15 @@ class Surfaces:
 
     def _parts(self, named: dict[str, tuple[str, Texture]], lines: list[str]) -> str:
         return " ".join(self._part(type_, name, texture, lines) for name, (type_, texture) in named.items())
+
+
+def _folded(product: Product, type_: str) -> tuple[ImageTexture, Array] | None:
+    """The image and the factor of what pbrt makes one image of, scaling it before it is inverted and bounded; None for others."""
+    if isinstance(product.first, ImageTexture) and isinstance(product.second, np.ndarray):
+        return product.first, product.second
+    if type_ == "float" and isinstance(product.second, ImageTexture) and isinstance(product.first, np.ndarray):
+        return product.second, product.first
+    return None
 
 
 def _check_gray(values: Array) -> None:

@@ -20,11 +20,11 @@ class Files:
         self._allow_outside = allow_outside
 
     def find(self, name: str, near: Path | None, where: Location) -> Path:
-        """A file named in a scene: relative to the file that names it, in folder `near`, else, as in pbrt, to the top file.
+        """A file named in a scene: relative to the top file, as in pbrt, else to the file that names it, in folder `near`.
 
         SceneError at `where` if it lies outside the root, also by way of a symbolic link.
         """
-        folders = [near, self._root] if near is not None else [self._root]
+        folders = [self._root, near] if near is not None else [self._root]
         try:
             inside = [path for path in (folder / name for folder in folders) if self._allowed(path)]
             found = next((path for path in inside if path.exists()), None)
@@ -42,8 +42,8 @@ class Files:
         return self._allow_outside or path.resolve().is_relative_to(self._root.resolve())
 
 
-def read_bytes(path: Path) -> bytes:
-    """The content of a file, decompressed if its name ends in .gz; PenumbraError if it cannot be read or is too large."""
+def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
+    """The content of a file, decompressed if its name ends in .gz, or its first bytes; PenumbraError if it cannot be read or is too large."""
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
@@ -51,7 +51,7 @@ def read_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(status.st_mode):
             raise PenumbraError(f"cannot read {str(path)!r}: it is no regular file")
         with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
-            data = stream.read(FILE_LIMIT + 1)
+            data = stream.read(first)
     except (OSError, ValueError, EOFError, zlib.error) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise PenumbraError(f"cannot read {str(path)!r}: {reason}") from None

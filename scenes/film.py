@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from scenes.builder import FILTERS, Builder, must_be, refuse_kind
 from scenes.description import Film, PerspectiveCamera, PixelFilter
-from scenes.errors import Location, SceneError, Unsupported
-from scenes.parameters import Parameters
+from scenes.errors import Location, Unsupported
+from scenes.parameters import SRGB, Parameters
 from scenes.transforms import rigid
 
 FILM_LIMIT = 65_535
@@ -40,7 +40,9 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
     builder.screen_window = _window(parameters)
     to_world = rigid(builder.state.transform)
     if to_world is None:
-        raise SceneError("the camera's transformation stretches or shears space", parameters.where)
+        raise Unsupported(
+            "the camera's transformation stretches or shears space; that is not supported", parameters.where
+        )
     builder.camera = PerspectiveCamera(to_world, fov)
 
 
@@ -75,6 +77,9 @@ def check_window(builder: Builder) -> None:
 def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Film "rgb"` with the sensor at pbrt's defaults, where an image is linear radiance."""
     refuse_kind(kind, "rgb", parameters)
+    if builder.state.space != SRGB:
+        problem = f'Film in ColorSpace "{builder.state.space}" is not supported: images are linear sRGB'
+        builder.report.add(f"{problem}; put ColorSpace behind Film", parameters.where)
     size = [parameters.integer(name, default) for name, default in (("xresolution", 1280), ("yresolution", 720))]
     for name, value in zip(("xresolution", "yresolution"), size, strict=True):
         if not 1 <= value <= FILM_LIMIT:
@@ -97,7 +102,7 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
 def _whole_film(parameters: Parameters, size: list[int]) -> None:
     """Report a crop; pbrt's two ways of writing one are the part of the film in [0, 1] and in pixels."""
     window, bounds = parameters.numbers("cropwindow"), parameters.integers("pixelbounds")
-    if window is not None and window.tolist() != [0, 1, 0, 1]:
+    if window is not None and np.sort(window.reshape(2, 2)).tolist() != [[0, 1], [0, 1]]:
         parameters.unsupported("cropwindow", "cropwindow is not supported: the whole film is rendered")
     for name, count in (
         ("cropwindow", 4 if window is None else len(window)),

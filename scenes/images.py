@@ -10,8 +10,7 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import warnings
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,9 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from scenes.encodings import as_stored, colour_planes, decoded, encoded
 from scenes.errors import PenumbraError
+from scenes.png import RGBA, PngHeader, Unsound, check_png_pixels, png_header
 
 Array = NDArray[np.float64]
 Channels = dict[str, Array]
@@ -29,6 +30,9 @@ Channels = dict[str, Array]
 _METADATA = "penumbra"  # one attribute holding JSON: OpenImageIO drops empty strings and cannot hold every key
 _RGB = ("R", "G", "B")
 TEXELS = 2**26  # of a texture: 1.6 GB as it is held
+ROWS = 256  # of a texture, decoded at a time: whole blocks of every compression of EXR
+_WHOLE = {"uint8": 2**8, "uint16": 2**16}  # numbers that are decoded by a table
+_STORAGE = {"uint8": "bytes", "half": "half"}  # what pbrt-v4 keeps such an image in, if it is not float
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,24 @@ class EstimateImage:
     variance: Array
     count: Array
     metadata: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class TextureHeader:
+    """What a texture's file says before its texels are read.
+
+    planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. kind: OpenImageIO's name of
+    the format. storage: what pbrt keeps it in, "bytes", "half" or "float". chromaticities: an EXR's, x and y of R, G, B and white.
+    """
+
+    path: Path
+    height: int
+    width: int
+    planes: tuple[int, ...]
+    kind: str
+    storage: str
+    chromaticities: tuple[float, ...] | None
+    png: PngHeader | None
 
 
 @contextmanager
@@ -86,9 +108,7 @@ def write_exr(
 
 def read_exr(path: str | Path) -> ExrImage:
     """Read every channel of an EXR by name; PenumbraError naming the path where it is missing, broken or no EXR."""
-    path = Path(path)
-    if not path.is_file():
-        raise PenumbraError(f"{path}: no such image file")
+    path = _image_file(path)
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise PenumbraError(f"{path}: not a readable EXR image: {_first_line(oiio.geterror())}")
@@ -132,15 +152,69 @@ def read_estimate_exr(path: str | Path) -> EstimateImage:
     return EstimateImage(mean, variance, _stack(path, image.channels, ("N",))[..., 0], image.metadata)
 
 
-def read_texture(path: str | Path, encoding: str = "sRGB") -> Array:
-    """Any image as (h, w, 3) float64, linear RGB, gray ones threefold; PenumbraError naming the path where it cannot be.
+def texture_header(path: str | Path) -> TextureHeader:
+    """What an image file of any kind says of itself; PenumbraError naming the path where it is none, or too large to read."""
+    path = _image_file(path)
+    try:
+        png = png_header(path)
+    except (Unsound, OSError) as error:
+        raise PenumbraError(f"{path}: not a readable image: {error}") from None
+    with _texture(path) as source:
+        spec, kind, depth = source.spec(), str(source.format_name()), str(source.spec().format)
+        if spec.width * spec.height * max(spec.nchannels, 4) > 4 * TEXELS:
+            raise PenumbraError(
+                f"{path}: {spec.width} x {spec.height} texels of {spec.nchannels} channels; at most {TEXELS} of 4 are read"
+            )
+        found = spec.getattribute("chromaticities") if kind == "openexr" else None
+        storage = "half" if (kind, depth) == ("png", "uint16") else _STORAGE.get(depth, "float")
+    planes = colour_planes(path, spec.channelnames, kind == "openexr" or (png is not None and png.colour == RGBA))
+    chromaticities = None if found is None else tuple(float(number) for number in found)
+    return TextureHeader(path, spec.height, spec.width, planes, kind, storage, chromaticities, png)
 
-    As in pbrt-v4: whole numbers are decoded, EXR, HDR and PFM are linear as they stand. encoding: "sRGB", "linear" or
-    "gamma 2.2" for what is decoded. Alpha is left out and not multiplied in. At most 2^26 texels.
+
+def read_texels(header: TextureHeader, encoding: str = "sRGB") -> Array:
+    """The channels of an image, (h, w, c) float64, linear, rounded to float32: one if gray, three, or four where there is an alpha.
+
+    As in pbrt-v4: whole numbers are decoded, alpha with them, by `encoding` ("sRGB", "linear" or "gamma 2.2") if the file is a PNG
+    and as sRGB if not; EXR, HDR and PFM are linear as they stand; nothing is multiplied by alpha. PenumbraError naming the path.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise PenumbraError(f"{path}: no such image file")
+    path = header.path
+    try:
+        if header.png is not None:
+            check_png_pixels(path, header.png)
+    except (Unsound, OSError) as error:
+        raise PenumbraError(f"{path}: corrupt or truncated image: {error}") from None
+    texels = np.zeros((header.height, header.width, len(header.planes)))
+    with _texture(path) as source:
+        spec, table = source.spec(), None
+        kind = str(spec.format) if str(spec.format) in _WHOLE else "float"
+        if kind != "float":
+            whole = np.arange(_WHOLE[kind]) / (_WHOLE[kind] - 1.0)
+            table = decoded(whole, encoding if header.png is not None else "sRGB")
+            table = as_stored(table, "half", encoding) if header.storage == "half" else table
+        step = max(ROWS - ROWS % spec.tile_height, spec.tile_height) if spec.tile_height else ROWS
+        for top in range(0, header.height, step):
+            rows = slice(top, min(top + step, header.height))
+            pixels = _read_rows(source, spec, rows, max(header.planes) + 1, kind)
+            if pixels is None:
+                raise PenumbraError(f"{path}: corrupt or truncated image: {_first_line(source.geterror())}")
+            part = pixels.reshape(rows.stop - top, header.width, -1)[..., list(header.planes)]
+            linear = part if table is None else table.take(part)
+            if not np.isfinite(linear).all():
+                raise PenumbraError(f"{path}: a texel is not finite")
+            texels[rows] = linear.astype(np.float32)
+    return texels
+
+
+def read_texture(path: str | Path, encoding: str = "sRGB") -> Array:
+    """Any image as (h, w, 3) float64, as `read_texels` reads it: gray ones threefold, and alpha left out."""
+    texels = read_texels(texture_header(path), encoding)
+    return np.repeat(texels, 3, axis=2) if texels.shape[2] == 1 else np.ascontiguousarray(texels[..., :3])
+
+
+@contextmanager
+def _texture(path: Path) -> Generator[oiio.ImageInput]:
+    """The file, opened for its texels."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     config.attribute("pnm:pfmflip", 1)  # PFM begins with the last row; left to itself the reader decides now so, now so
@@ -148,69 +222,39 @@ def read_texture(path: str | Path, encoding: str = "sRGB") -> Array:
     if source is None:
         raise PenumbraError(f"{path}: not a readable image: {_first_line(oiio.geterror())}")
     try:
-        spec = source.spec()
-        if spec.width * spec.height * max(spec.nchannels, 4) > 4 * TEXELS:
-            raise PenumbraError(
-                f"{path}: {spec.width} x {spec.height} texels of {spec.nchannels} channels; at most {TEXELS} of 4 are read"
-            )
-        pixels = source.read_image("float")
-        if pixels is None:
-            raise PenumbraError(f"{path}: corrupt or truncated image: {_first_line(source.geterror())}")
+        yield source
     finally:
         source.close()
-    planes = np.asarray(pixels, dtype=np.float64).reshape(spec.height, spec.width, -1)
-    rgb = _colour_planes(path, planes, spec.channelnames)
-    if not np.isfinite(rgb).all():
-        raise PenumbraError(f"{path}: a texel is not finite")
-    return rgb if str(spec.format) in ("float", "half", "double") else _decoded(rgb, encoding)
 
 
-def _colour_planes(path: Path, planes: Array, names: Sequence[str]) -> Array:
-    """The channels R, G and B, or the only one (beside alpha) threefold: (h, w, 3)."""
-    found = {name.upper(): i for i, name in enumerate(names)}
-    if all(name in found for name in _RGB):
-        return np.ascontiguousarray(planes[..., [found[name] for name in _RGB]])
-    gray = [i for name, i in found.items() if name not in ("A", "ALPHA")]
-    if len(gray) != 1:
-        raise PenumbraError(f"{path}: neither R, G and B nor one channel; there are: {', '.join(names)}")
-    return np.repeat(planes[..., gray], 3, axis=2)
+def _read_rows(source: oiio.ImageInput, spec: oiio.ImageSpec, rows: slice, end: int, kind: str) -> NDArray[Any] | None:
+    """The channels before `end` of some rows as numbers of `kind`; None if they cannot be read."""
+    top, bottom = spec.y + int(rows.start), spec.y + int(rows.stop)
+    if not spec.tile_height:
+        return source.read_scanlines(top, bottom, spec.z, 0, end, kind)
+    return source.read_tiles(spec.x, spec.x + spec.width, top, bottom, spec.z, spec.z + 1, 0, end, kind)
 
 
-def _decoded(encoded: Array, encoding: str) -> Array:
-    words = encoding.split()
-    if words == ["linear"]:
-        return encoded
-    if words == ["sRGB"]:
-        low = encoded / 12.92
-        return np.where(encoded <= 0.04045, low, ((encoded + 0.055) / 1.055) ** 2.4)
-    try:
-        gamma = float(words[1]) if len(words) == 2 and words[0] == "gamma" else 0.0
-    except ValueError:
-        gamma = 0.0
-    if not 0 < gamma < np.inf:
-        raise PenumbraError(f'unknown encoding "{encoding}"; there are: sRGB, linear, gamma with its exponent')
-    return encoded**gamma
+def _image_file(path: str | Path) -> Path:
+    """`path`; PenumbraError saying what it is if it is no file."""
+    path = Path(path)
+    if path.is_dir():
+        raise PenumbraError(f"{path}: a folder, not an image file")
+    if not path.is_file():
+        raise PenumbraError(f"{path}: {'a pipe or a device, not an' if path.exists() else 'no such'} image file")
+    return path
 
 
 def write_png(path: str | Path, rgb: Array, exposure: float = 0.0) -> None:
     """Write linear `rgb` (h, w, 3) as an 8-bit sRGB PNG, `exposure` stops brighter.
 
     For the eye only: values are clipped to [0, 1] after exposure, infinities with them, and a pixel with a NaN is magenta.
-    The sRGB transfer function is IEC 61966-2-1's, by way of colour-science.
     """
     linear = np.clip(rgb * 2.0**exposure, 0.0, 1.0)
     linear = np.where(np.isnan(linear).any(axis=-1, keepdims=True), (1.0, 0.0, 1.0), linear)
-    encoded = np.rint(_srgb(linear) * 255.0).astype(np.uint8)
-    spec = oiio.ImageSpec(encoded.shape[1], encoded.shape[0], 3, "uint8")
-    _write(Path(path), spec, np.ascontiguousarray(encoded))
-
-
-def _srgb(linear: Array) -> Array:
-    # Imported here: it takes a second, and it warns of the plotting library that it could use and nothing here needs.
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message='.*"Matplotlib" related API')
-        import colour
-    return np.asarray(colour.cctf_encoding(linear, function="sRGB"), dtype=np.float64)
+    codes = np.rint(encoded(linear, "sRGB") * 255.0).astype(np.uint8)
+    spec = oiio.ImageSpec(codes.shape[1], codes.shape[0], 3, "uint8")
+    _write(Path(path), spec, np.ascontiguousarray(codes))
 
 
 def _interleave(channels: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:

@@ -88,19 +88,22 @@ def _spot(builder: Builder, parameters: Parameters) -> Light:
     cone, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
     if not 0 < cone <= 180:
         raise parameters.fail("coneangle", f"coneangle is above 0 and at most 180 degrees, not {cone:g}")
-    if not 0 <= delta <= cone:
-        raise parameters.fail("conedeltaangle", f"conedeltaangle is between 0 and coneangle, not {delta:g} degrees")
+    if not 0 <= delta <= 2 * cone:
+        raise parameters.fail(
+            "conedeltaangle", f"conedeltaangle is between 0 and twice coneangle, not {delta:g} degrees"
+        )
+    inner = abs(cone - delta)  # beyond the axis it begins as far on the other side, as its cosine has it
     if uniform_scale(builder.state.transform.matrix[:3, :3]) is None:
         raise Unsupported(
             "the transformation stretches or shears the cone of the spot light; that is not supported", parameters.where
         )
-    start, end = np.cos(np.radians(cone - delta)), np.cos(np.radians(cone))
+    start, end = np.cos(np.radians(inner)), np.cos(np.radians(cone))
     intensity, power = emitted(parameters, "I"), _positive(parameters, "power")
     if power is not None:
         intensity = checked(parameters, "power", intensity * (power / (2 * np.pi * ((1 - start) + (start - end) / 2))))
     position = _position(builder, parameters)
     axis = parameters.point("to", (0.0, 0.0, 1.0)) - parameters.point("from", (0.0, 0.0, 0.0))
-    return SpotLight(position, _direction(builder, parameters, axis), intensity, cone, cone - delta, parameters.where)
+    return SpotLight(position, _direction(builder, parameters, axis), intensity, cone, inner, parameters.where)
 
 
 def _distant(builder: Builder, parameters: Parameters) -> Light:

@@ -121,9 +121,9 @@ def _alpha(parameters: Parameters) -> float:
             "uroughness", f"uroughness {u:g} and vroughness {v:g} differ: only isotropic conductors are supported"
         )
     alpha = float(np.sqrt(u)) if remap else u
-    if alpha >= SMOOTH:
-        return alpha
     given = next((name for name in ("roughness", "uroughness", "vroughness") if parameters.given(name)), "roughness")
+    if alpha >= SMOOTH or given in parameters.refused:
+        return max(alpha, SMOOTH)
     least = f"{SMOOTH**2 if remap else SMOOTH:g}"
     shown = f"roughness {u:g}" if parameters.given(given) else "no roughness (pbrt's default is 0)"
     parameters.unsupported(

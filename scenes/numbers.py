@@ -17,9 +17,9 @@ SHORT = 40  # characters: up to there tokens are as quick
 SINGLES = 1_000_000  # tokens of one list that are in no run
 
 # A run: numbers, space and comments, possessive, so that a failure costs one pass. What follows a number at once belongs to its
-# word, a `#` too; so a run ends where its last word does. (?![$]): a template's declaration is no comment.
+# word, a `#` too; so a run ends where its last word does. (?![$] ): a template's declaration is no comment.
 _WORD = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+(?=[ \t\r\n\]])"
-_RUN = re.compile(rf"(?:[ \t\r\n]++|{_WORD}|#(?!\$)[^\r\n]*+)*+")
+_RUN = re.compile(rf"(?:[ \t\r\n]++|{_WORD}|#(?!\$(?![^ \t\r\n]))[^\r\n]*+)*+")
 _COMMENT = re.compile(r"#[^\r\n]*")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -23,6 +23,11 @@ TYPES = (
 )  # fmt: skip
 SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of older files
 INT32_MAX = 2**31 - 1
+SRGB = "srgb"
+SPACES = (SRGB, "rec2020", "dci-p3")  # those whose white is sRGB's
+OTHER_SPACES = ("aces2065-1",)
+# What pbrt takes where it takes numbers or colours, and nothing here does but where it says so.
+OTHER_FORMS = {"texture": ("float", "rgb", "spectrum"), "blackbody": ("rgb", "spectrum")}
 # What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is meant for other kinds, it is
 # reported all the same wherever it would have an effect.
 EFFECTIVE = ("normalmap", "displacement")
@@ -33,12 +38,13 @@ Resolve = Callable[[str], Path]
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """One declared parameter and the tokens of its values."""
+    """One declared parameter and the tokens of its values. space: the `ColorSpace` where it stands."""
 
     type: str
     name: str
     values: Values
     where: Location
+    space: str = SRGB
 
     def __str__(self) -> str:
         return f'"{self.type} {self.name}"'
@@ -47,7 +53,7 @@ class Parameter:
 class Parameters:
     """The parameter list of one directive. Read everything that is supported, then call `finish`.
 
-    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this kind, one of each name; the directive's own override them.
+    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this kind, one of each type and name; the directive's own override them.
     """
 
     def __init__(
@@ -59,6 +65,7 @@ class Parameters:
         self.resolve = resolve
         self._bindings = bindings
         self._report = report
+        self.refused: set[str] = set()  # names that were given in a form that is not supported
         self._supported: list[str] = []
         self._given: dict[str, Parameter] = {}
         for item in items:
@@ -66,19 +73,23 @@ class Parameters:
                 raise SceneError(f"{item} is given twice to {owner}", item.where)
             self._given[item.name] = item
         self._unread = dict(self._given)
-        for item in defaults:
-            if item.name not in self._given:
-                self._given[item.name] = item
-                if item.name in EFFECTIVE:
-                    self._unread[item.name] = item
+        self._defaults = [item for item in defaults if item.name not in self._given]
+        self._unread |= {item.name: item for item in self._defaults if item.name in EFFECTIVE}
 
     def located(self, name: str) -> Location:
         """Where `name` was given; where the directive stands if it was not."""
-        return self._given[name].where if name in self._given else self.where
+        found = next((item for item in self._items(name)), None)
+        return self.where if found is None else found.where
 
     def given(self, name: str) -> bool:
         """Whether the file gives a parameter of this name."""
-        return name in self._given
+        return any(True for _ in self._items(name))
+
+    def _items(self, name: str) -> Iterator[Parameter]:
+        """The directive's own parameter of this name, or what `Attribute` said of it, the last first."""
+        if name in self._given:
+            yield self._given[name]
+        yield from (item for item in reversed(self._defaults) if item.name == name)
 
     def fail(self, name: str, message: str) -> SceneError:
         """A SceneError about `name`, located at it, to be raised by the caller."""
@@ -148,14 +159,23 @@ class Parameters:
         return parameter.values.array(self._bindings.number) + 0.0
 
     def take(self, name: str, *types: str) -> Parameter | None:
-        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of these types."""
+        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of these types.
+
+        None too where it is of a form that pbrt would take, which is then reported. An `Attribute` of another type is meant for others.
+        """
         self._supported.extend(f"{type_} {name}" for type_ in types)
         self._unread.pop(name, None)
-        parameter = self._given.get(name)
-        if parameter is not None and parameter.type not in types:
+        for parameter in self._items(name):
+            if parameter.type in types:
+                return parameter
             allowed = " or ".join(f'"{type_} {name}"' for type_ in types)
-            raise SceneError(f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where)
-        return parameter
+            if any(form in types for form in OTHER_FORMS.get(parameter.type, ())):
+                self._report.add(f"{parameter} of {self.owner} is not supported; supported: {allowed}", parameter.where)
+                self.refused.add(name)
+                return None
+            if name in self._given:
+                raise SceneError(f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where)
+        return None
 
     def ignore(self) -> None:
         """Take all that is left as read: it changes nothing here, or a larger part is not supported anyway."""

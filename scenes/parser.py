@@ -37,8 +37,11 @@ from scenes.files import Files
 from scenes.instances import written_out
 from scenes.materials import resolved
 from scenes.reader import Reader
+from scenes.sampling import check_delta
 from scenes.template import Bindings, Values, read_header
 from scenes.tokens import Source, decode, read_source
+
+NO_INTEGRATOR = "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
 
 
 def parse_file(
@@ -79,12 +82,20 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
     """What was read as a description; SceneError listing all that it asks for and is not supported."""
     report = builder.report
     lights = added_up(builder.lights, report)
-    report.check()  # before what is built of it: a part that was left out would make errors of its own
+    check_delta(builder)
     placed = [*builder.shapes, *written_out(builder.uses, builder.objects, report)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
     return SceneDescription(
-        name, builder.camera, builder.film, shapes, lights, builder.occlusion_distance, builder.defaults, parameters
+        name,
+        builder.camera,
+        builder.film,
+        shapes,
+        lights,
+        builder.occlusion_distance,
+        builder.defaults,
+        parameters,
+        () if builder.has_integrator else (NO_INTEGRATOR,),
     )
 
 

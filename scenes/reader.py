@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,12 +14,12 @@ from scenes.directives import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
 from scenes.errors import SceneError, Unsupported
 from scenes.files import Files
 from scenes.film import check_window
-from scenes.parameters import Parameters
+from scenes.parameters import OTHER_SPACES, SPACES, Parameters
 from scenes.sampling import option
 from scenes.stream import TokenStream
 from scenes.syntax import PARAMETERS, Syntax
 from scenes.template import Bindings, Header
-from scenes.textures import texture
+from scenes.textures import declare, texture
 from scenes.tokens import Source, Token
 from scenes.transforms import ARGUMENTS, apply_directive, identity
 
@@ -32,7 +33,8 @@ class Reader:
             None  # the first one of values; reading goes on for what else is not supported
         )
         self._tokens = TokenStream(source, header.end, files)
-        self._syntax = Syntax(self._tokens, bindings, self.builder.report)
+        self._syntax = Syntax(self._tokens, bindings, self.builder.report, lambda: self.builder.state.space)
+        self._late: dict[str, list[Callable[[], None]]] = {"float": [], "spectrum": []}
         self._blocks = Blocks(self.builder)
         # What only the world holds, and what may stand on both sides of WorldBegin.
         self._world_words: dict[str, Callable[[Token], None]] = {
@@ -63,22 +65,32 @@ class Reader:
 
     def run(self) -> None:
         """Read to the end; SceneError for what is malformed."""
-        while (token := self._tokens.next()) is not None:
-            if token.kind == "end":
-                self._blocks.end_import(token)
-            elif token.kind != "word":
-                raise SceneError(f"{token} stands where a directive should", token.where)
-            else:
-                try:
-                    with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
-                        self._directive(token)
-                except Unsupported as problem:
-                    self.builder.report.add(problem.message, problem.location or token.where)
+        try:
+            while (token := self._tokens.next()) is not None:
+                self._one(token)
+        finally:  # also of a text that breaks off, so that what is not supported is known
+            for make in (*self._late["float"], *self._late["spectrum"]):
+                make()
         if self._problem is not None:
             raise self._problem
         self._blocks.check_closed()
         if not self.builder.in_world:
             raise SceneError("the scene has no WorldBegin", self._tokens.end())
+
+    def _one(self, token: Token) -> None:
+        if token.kind == "end":
+            self._blocks.end_import(token)
+        elif token.kind != "word":
+            raise SceneError(f"{token} stands where a directive should", token.where)
+        else:
+            self._attempt(token, lambda: self._directive(token))
+
+    def _attempt(self, token: Token, read: Callable[[], None]) -> None:
+        try:
+            with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
+                read()
+        except Unsupported as problem:
+            self.builder.report.add(problem.message, problem.location or token.where)
 
     def _directive(self, token: Token) -> None:
         name = token.text
@@ -120,9 +132,6 @@ class Reader:
     def _one_option(self, token: Token) -> None:
         if self.builder.in_world:
             raise SceneError(f"{token.text} must come before WorldBegin", token.where)
-        if token.text in self.builder.seen:
-            raise SceneError(f"{token.text} is given twice", token.where)
-        self.builder.seen.add(token.text)
         kind = self._syntax.string(token)
         parameters = self._syntax.parameters(token)
         self._mean(parameters, lambda: OPTIONS[token.text](self.builder, kind, parameters))
@@ -149,7 +158,16 @@ class Reader:
     def _texture(self, token: Token) -> None:
         name, type_, kind = (self._syntax.string(token) for _ in range(3))
         parameters: Parameters = self._syntax.parameters(token, self.builder.state.attributes.get("texture", ()))
-        self._mean(parameters, lambda: texture(self.builder, name, type_, kind, parameters))
+        try:
+            declare(self.builder, name, type_, token.where)
+        except SceneError as problem:
+            self._problem = self._problem or problem
+            return
+        make = partial(self._mean, parameters, lambda: texture(self.builder, name, type_, kind, parameters))
+        if kind == "imagemap":
+            make()
+        else:  # pbrt makes images first, then numbers, then colours, so that a texture may name one that comes behind it
+            self._late[type_].append(partial(self._attempt, token, make))
 
     def _import(self, token: Token) -> None:
         name = self._syntax.string(token)
@@ -170,8 +188,11 @@ class Reader:
 
     def _color_space(self, token: Token) -> None:
         name = self._syntax.string(token)
-        if name != "srgb":
-            raise Unsupported(f'ColorSpace "{name}" is not supported; supported: "srgb"', token.where)
+        if name.lower() not in SPACES:
+            if name.lower() not in OTHER_SPACES:
+                raise SceneError(f"no colour space is called {name!r}; there are: {', '.join(SPACES)}", token.where)
+            raise Unsupported(f'ColorSpace "{name}" is not supported; supported: {", ".join(SPACES)}', token.where)
+        self.builder.state = replace(self.builder.state, space=name.lower())
 
     def _attribute(self, token: Token) -> None:
         target = self._syntax.string(token)
@@ -179,7 +200,7 @@ class Reader:
             raise SceneError(f'Attribute "{target}": there are {", ".join(ATTRIBUTE_TARGETS)}', token.where)
         state = self.builder.state
         items = (*state.attributes.get(target, ()), *self._syntax.items())
-        by_name = {item.name: item for item in items}  # the last one holds
+        by_name = {(item.type, item.name): item for item in items}  # the last one holds
         if len(by_name) > PARAMETERS:
             raise SceneError(f'more than {PARAMETERS} parameters of Attribute "{target}"', token.where)
         self.builder.state = replace(state, attributes={**state.attributes, target: tuple(by_name.values())})
@@ -206,8 +227,7 @@ class Reader:
             raise Unsupported(f"ActiveTransform {which} is not supported: nothing moves", token.where)
 
     def _transform_times(self, token: Token) -> None:
-        self._syntax.numbers(token, 2)
-        raise Unsupported("TransformTimes is not supported: nothing moves", token.where)
+        self._syntax.numbers(token, 2)  # of no effect while nothing moves
 
 
 def _short(text: str) -> str:

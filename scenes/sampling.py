@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from scenes.builder import Builder, must_be, refuse_kind
+from scenes.description import Environment
 from scenes.errors import Location, SceneError
 from scenes.parameters import Parameters
 
@@ -36,7 +39,11 @@ def sampler(builder: Builder, kind: str, parameters: Parameters) -> None:
     seed = parameters.integer("seed", 0)
     if seed < 0:
         raise parameters.fail("seed", f"seed must not be negative: {seed}")
-    spp = _strata(parameters) if kind == "stratified" else _count(parameters, "pixelsamples", 16)
+    spp = (
+        _strata(parameters)
+        if kind == "stratified"
+        else _count(parameters, "pixelsamples", 4 if kind == "independent" else 16)
+    )
     if kind == "halton":
         parameters.text("randomization", "permutedigits")
     elif "sobol" in kind and parameters.text("randomization", "fastowen") not in ("fastowen", "owen"):
@@ -61,6 +68,7 @@ def _strata(parameters: Parameters) -> int:
 
 def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Integrator`: pbrt's path tracers to depth 1, which is direct light and visible emission, or ambient occlusion."""
+    builder.has_integrator = True
     if kind == "ambientocclusion":
         _ambient_occlusion(builder, parameters)
         return
@@ -69,21 +77,33 @@ def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
     if depth != 1:
         given = "" if parameters.given("maxdepth") else " (pbrt's default)"
         parameters.unsupported("maxdepth", f'maxdepth is {depth}{given}: only direct light, "integer maxdepth" [ 1 ]')
+    builder.occlusion_distance, builder.without_lights = np.inf, None
     if kind == "simplepath":
         lights, brdf = parameters.flag("samplelights", True), parameters.flag("samplebsdf", True)
+        chosen = None if lights else "bsdf" if brdf else "hemisphere"
+        builder.defaults = replace(builder.defaults, estimator=chosen)
         if not lights:
-            builder.defaults = replace(builder.defaults, estimator="bsdf" if brdf else "hemisphere")
+            builder.without_lights = parameters.located("samplelights")
         return
+    builder.defaults = replace(builder.defaults, estimator=None)
     parameters.text("lightsampler", "bvh")  # which light a sample goes to is the estimator's affair here
     must_be(parameters, "regularize", parameters.flag("regularize", False), False, "no roughness is changed")
 
 
+def check_delta(builder: Builder) -> None:
+    """Report `samplelights` that is false where pbrt would then leave out lights that no direction finds by chance."""
+    delta = any(not isinstance(light, Environment) for light in builder.lights)
+    if builder.without_lights is not None and delta:
+        problem = "without samplelights pbrt leaves point, spot and distant lights out; that is not supported"
+        builder.report.add(f"{problem}: take them out of the scene", builder.without_lights)
+
+
 def _ambient_occlusion(builder: Builder, parameters: Parameters) -> None:
     parameters.flag("cossample", True)  # how pbrt draws directions; its image is the same
-    distance = parameters.number("maxdistance", builder.occlusion_distance)
+    distance = parameters.number("maxdistance", np.inf)
     if distance <= 0:
         raise parameters.fail("maxdistance", f"maxdistance must be positive, not {distance:g}")
-    builder.occlusion_distance = distance
+    builder.occlusion_distance, builder.without_lights = distance, None
     builder.defaults = replace(builder.defaults, estimator="ambient-occlusion")
 
 

@@ -8,6 +8,7 @@ ignores the mirroring and that of a ray's hit does not, so a mirrored one-sided 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,8 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
         geometries = _SHAPES[kind](parameters, placement)
         for geometry in geometries:
             check_range(geometry, parameters)
-            if isinstance(geometry, TriangleMesh) and placement.light is not None:
-                _check_emitter(geometry, parameters)
+        if placement.light is not None:
+            return [_emitting(one, parameters) if isinstance(one, TriangleMesh) else one for one in geometries]
     return geometries
 
 
@@ -83,11 +84,13 @@ def range_problem(geometry: Geometry) -> str | None:
     return None
 
 
-def _check_emitter(geometry: TriangleMesh, parameters: Parameters) -> None:
+def _emitting(geometry: TriangleMesh, parameters: Parameters) -> TriangleMesh:
+    """The mesh without the faces that have no area, which are lights of no power in pbrt; SceneError if there is none with."""
     corners = geometry.vertices[geometry.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    if not np.all(area > 0):
-        raise SceneError(f"face {int(np.argmin(area))} emits light but has no area", parameters.where)
+    if not np.any(area > 0):
+        raise SceneError("the mesh emits light but has no area", parameters.where)
+    return geometry if np.all(area > 0) else replace(geometry, faces=geometry.faces[area > 0])
 
 
 def _radius(parameters: Parameters) -> float:
@@ -98,7 +101,9 @@ def _radius(parameters: Parameters) -> float:
 
 
 def _only(parameters: Parameters, name: str, value: float) -> None:
-    if parameters.number(name, value) != value:
+    """Report a bound that cuts something off; pbrt brings those beyond the shape back to it."""
+    beyond = parameters.number(name, value) - value
+    if (beyond if value < 0 else -beyond) > 0 or (value == 0 and beyond != 0):
         parameters.unsupported(name, f"{name} must be {value:g}: only the full {parameters.owner} is supported")
 
 

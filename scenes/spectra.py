@@ -6,6 +6,7 @@ before `scale` and `power` are applied.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from scenes.errors import PenumbraError, SceneError
 from scenes.files import read_bytes
-from scenes.parameters import Parameter, Parameters
+from scenes.parameters import SRGB, Parameter, Parameters
 from scenes.template import NUMBER
 from scenes.tokens import Token
 
@@ -52,7 +53,11 @@ def _rgb(parameters: Parameters, parameter: Parameter, role: Role) -> Array:
             raise SceneError(f"{parameter} is negative: {value:g}", token.where)
     if role == "reflectance" and values.max() > 1:
         raise SceneError(f"a reflectance is at most 1, not {values.max():g}", parameter.where)
-    return values + 0.0
+    if parameter.space == SRGB:
+        return values + 0.0
+    from scenes import colours
+
+    return colours.from_space(parameter.space, values, 1.0 if role == "reflectance" else np.inf)
 
 
 def _blackbody(parameters: Parameters, parameter: Parameter) -> Array:
@@ -87,7 +92,8 @@ def spectrum_name(parameter: Parameter) -> str | None:
 
 
 def _is_file(token: Token) -> bool:
-    return token.kind == "string" and token.text.lower().endswith((".spd", ".spd.gz"))
+    """pbrt takes whatever is none of its names for a file; none of those has a suffix."""
+    return token.kind == "string" and Path(token.text).suffix != ""
 
 
 def samples(parameters: Parameters, parameter: Parameter) -> tuple[Array, Array]:

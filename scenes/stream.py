@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scenes.errors import Location, SceneError
-from scenes.files import Files
+from scenes.files import FILE_LIMIT, Files
 from scenes.numbers import Run, read_run
 from scenes.tokens import Source, Token, Tokenizer, read_source
 
@@ -21,7 +21,7 @@ class TokenStream:
         self._files = files
         self._stack: list[tuple[Tokenizer, Token | None]] = [(Tokenizer(source, start), None)]
         self._peeked: Token | None = None
-        self._included = 0
+        self._included = self._read = 0
 
     def next(self) -> Token | None:
         """The next token, of kind "end" where an imported file is over; None at the end."""
@@ -75,7 +75,11 @@ class TokenStream:
             raise SceneError(
                 f"too many includes: at most {INCLUDE_DEPTH} inside each other and {INCLUDE_COUNT} in all", token.where
             )
-        self._stack.append((Tokenizer(read_source(path, token.where)), end))
+        source = read_source(path, token.where)
+        self._read += len(source.text)
+        if self._read > FILE_LIMIT:
+            raise SceneError(f"the included files are larger than {FILE_LIMIT >> 20} MiB in all", token.where)
+        self._stack.append((Tokenizer(source), end))
 
     def end(self) -> Location:
         """The end of the main file, for what is missing from it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from scenes.errors import Report, SceneError
 from scenes.numbers import SINGLES, Run, Values
@@ -15,12 +15,13 @@ PARAMETERS = 1000
 
 
 class Syntax:
-    """Reads what follows a directive's name."""
+    """Reads what follows a directive's name. space: the `ColorSpace` of the moment."""
 
-    def __init__(self, tokens: TokenStream, bindings: Bindings, report: Report) -> None:
+    def __init__(self, tokens: TokenStream, bindings: Bindings, report: Report, space: Callable[[], str]) -> None:
         self.tokens = tokens
         self._bindings = bindings
         self._report = report
+        self._space = space
 
     def string(self, owner: Token) -> str:
         """A quoted string."""
@@ -83,7 +84,7 @@ class Syntax:
         if first.kind == "]":
             raise SceneError(f"a ] where the value of {head} should stand", first.where)
         values = self._bracketed(first) if first.kind == "[" else Values([first])
-        return Parameter(type_, words[1], values, head.where)
+        return Parameter(type_, words[1], values, head.where, self._space())
 
     def _bracketed(self, opening: Token) -> Values:
         parts: list[Run | Token] = []

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.tokens import Source, Token
 
-_HEADER_LINE = re.compile(r"[ \t\r]*(?:(#)(\$?)([^\r\n]*))?\r?(?:\n|\Z)")
+_HEADER_LINE = re.compile(r"[ \t\r]*(?:(#)(\$(?![^ \t\r\n]))?([^\r\n]*))?\r?(?:\n|\Z)")
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _INTERVAL = rf"in[ \t]*([\[(])[ \t]*({_NUMBER})[ \t]*,[ \t]*({_NUMBER})[ \t]*([\])])"
 _DECLARATION = re.compile(

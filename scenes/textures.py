@@ -6,6 +6,7 @@ Numbers are textures of three equal components here. What is made of constants a
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +16,25 @@ from scenes.description import Checkerboard, ImageTexture, Mix, Product, Texture
 from scenes.errors import Location, SceneError, Unsupported
 from scenes.parameters import Parameters
 from scenes.spectra import colour_of
-from scenes.texels import image_of, single
+from scenes.texels import image_of, numbers_of
 
 Array = NDArray[np.float64]
 
 NODES = 200  # of one texture with all those inside it, which doubling names would else grow as a power of two
 
 
+def declare(builder: Builder, name: str, type_: str, where: Location) -> None:
+    """Note that a `Texture` has been read; SceneError where it is of no type, or its name is taken."""
+    if type_ not in ("float", "spectrum"):
+        raise SceneError(f'a texture is of type "float" or "spectrum", not "{type_}"', where)
+    if (type_, name) in builder.texture_names:
+        raise SceneError(f'{type_} texture "{name}" is made twice', where)
+    check_room(builder.texture_names, "textures", where)
+    builder.texture_names.add((type_, name))
+
+
 def texture(builder: Builder, name: str, type_: str, kind: str, parameters: Parameters) -> None:
     """`Texture "name" "float" or "spectrum" "kind"`; the names of the two types are apart, as in pbrt."""
-    if type_ not in ("float", "spectrum"):
-        raise SceneError(f'a texture is of type "float" or "spectrum", not "{type_}"', parameters.where)
-    if (type_, name) in builder.textures:
-        raise SceneError(f'{type_} texture "{name}" is made twice', parameters.where)
-    check_room(builder.textures, "textures", parameters.where)
     if kind not in _KINDS:
         builder.textures[type_, name] = NamedTexture(None, 1)
         parameters.ignore()
@@ -80,9 +86,14 @@ def _constant(maker: _Maker) -> Texture:
 
 def _scale(maker: _Maker) -> Texture:
     first, second = maker.part("tex", 1.0), maker.part("scale", 1.0, "float")
-    return (
-        first * second if isinstance(first, np.ndarray) and isinstance(second, np.ndarray) else Product(first, second)
-    )
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        return first * second
+    # pbrt gives a constant factor to the image itself, whose own inversion and bounds then come after it.
+    if isinstance(first, ImageTexture) and isinstance(second, np.ndarray):
+        return replace(first, scale=first.scale * float(second[0]))
+    if isinstance(second, ImageTexture) and isinstance(first, np.ndarray) and maker.type == "float":
+        return replace(second, scale=second.scale * float(first[0]))
+    return Product(first, second)
 
 
 def _mix(maker: _Maker) -> Texture:
@@ -127,19 +138,18 @@ def _imagemap(maker: _Maker) -> Texture:
     if scale < 0:
         raise parameters.fail("scale", f"scale must not be negative: {scale:g}")
     colours = maker.type == "spectrum"
-    return ImageTexture(_texels(maker), _mapping(parameters), wrap, _FILTERS[filter_], scale, invert, clamped=colours)
+    image = _texels(maker, wrap, filter_)
+    return ImageTexture(image, _mapping(parameters), wrap, _FILTERS[filter_], scale, invert, clamped=colours)
 
 
-def _texels(maker: _Maker) -> Array:
+def _texels(maker: _Maker, wrap: str, filter_: str) -> Array:
     parameters = maker.parameters
     name, encoding = parameters.text("filename", ""), parameters.text("encoding", "sRGB")
     if not name:
         raise parameters.fail("filename", 'an imagemap needs "string filename"')
-    if parameters.given("encoding") and not name.lower().endswith(".png"):
-        parameters.unsupported("encoding", "encoding is of effect for PNG files only, in pbrt too: leave it out")
-        encoding = "sRGB"
-    image = image_of(maker.builder, parameters, name, encoding)
-    return single(np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2)) if maker.type == "float" else image
+    if maker.type == "float":
+        return numbers_of(maker.builder, parameters, name, encoding, wrap, filter_)
+    return image_of(maker.builder, parameters, name, encoding, wrap)
 
 
 _KINDS: dict[str, Callable[[_Maker], Texture]] = {

@@ -20,8 +20,10 @@ Kind = Literal["word", "string", "[", "]", "end"]
 
 # As in pbrt, a `#` inside a word does not begin a comment.
 _LEXEME = re.compile(
-    r'[ \t\r\n]*(?:(?P<comment>#[^\r\n]*)|(?P<string>"(?:[^"\\\n]|\\.)*"?)|(?P<bracket>[\[\]])|(?P<word>[^ \t\r\n"\[\]]+))'
+    r'[ \t\r\n]*(?:(?P<comment>#[^\r\n]*)|(?P<string>"(?:[^"\\\n]++|\\.)*+"?)|(?P<bracket>[\[\]])|(?P<word>[^ \t\r\n"\[\]]+))'
 )
+_COMMENT = re.compile(r"(?m)(?:^|[ \t])#[^\r\n]*")
+_BYTE = re.compile("[\udc80-\udcff]")
 _ESCAPE = re.compile(r"\\(.)")
 _ESCAPED = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
 
@@ -79,7 +81,7 @@ class Tokenizer:
     def next(self) -> Token | None:
         """The next token, None at the end; SceneError on an unterminated string or an unknown escape.
 
-        A `#$` line beyond `start`, where a template's header ends, is refused: it would declare nothing.
+        A `#$ ` line beyond `start`, where a template's header ends, is refused: it would declare nothing.
         """
         while (match := _LEXEME.match(self.source.text, self.offset)) is not None:
             self.offset = match.end()
@@ -91,7 +93,7 @@ class Tokenizer:
                 return Token("string", _unquote(text, self.source, offset), self.source, offset)
             if kind == "bracket":
                 return Token("[" if text == "[" else "]", text, self.source, offset)
-            if text.startswith("#$"):
+            if text.startswith("#$") and text[2:3] in ("", " ", "\t"):
                 raise SceneError(
                     "a template parameter is declared in the header of the scene file, before the first directive",
                     self.source.location(offset),
@@ -107,7 +109,7 @@ def tokenize(source: Source, start: int = 0) -> Iterator[Token]:
 
 
 def _unquote(text: str, source: Source, offset: int) -> str:
-    closed = len(text) >= 2 and re.fullmatch(r'"(?:[^"\\]|\\.)*"', text)
+    closed = len(text) >= 2 and re.fullmatch(r'"(?:[^"\\]++|\\.)*+"', text)
     if not closed:
         raise SceneError("unterminated string: a string ends on the line where it begins", source.location(offset))
     if "\\" not in text:
@@ -135,10 +137,16 @@ def read_source(path: Path, where: Location | None = None) -> Source:
 
 
 def decode(data: bytes, file: str) -> str:
-    """UTF-8 text without its byte-order mark; SceneError at the first byte that is none."""
+    """UTF-8 text without its byte-order mark; SceneError at the first byte that is none, but in comments, where such bytes become `?`."""
     try:
         return data.decode("utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:
-        head = data[: error.start].decode("utf-8")
-        place = Source(file, head).location(len(head))
-        raise SceneError(f"byte 0x{data[error.start]:02x} is not UTF-8 text: is this a scene file?", place) from None
+        text = data.decode("utf-8", errors="surrogateescape")  # 0xff is \udcff
+        text = _COMMENT.sub(lambda match: _BYTE.sub("?", match.group()), text)
+        found = _BYTE.search(text)
+        if found is None:
+            return text
+        place = Source(file, text).location(found.start())
+        raise SceneError(
+            f"byte 0x{ord(found.group()) - 0xDC00:02x} is not UTF-8 text: is this a scene file?", place
+        ) from error

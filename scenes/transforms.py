@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import cosdg, sindg  # pyright: ignore[reportMissingTypeStubs]
 
-from scenes.errors import Location, SceneError
+from scenes.errors import Location, SceneError, Unsupported
 
 Array = NDArray[np.float64]
 
@@ -110,10 +110,13 @@ def look_at(eye: Array, target: Array, up: Array) -> Transform:
 def from_matrix(values: Sequence[float]) -> Transform:
     """The matrix of `Transform` and `ConcatTransform`: 16 numbers, column after column; ValueError if not invertible."""
     matrix = np.array(values).reshape(4, 4).T + 0.0
-    if not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        raise ValueError(
+    if np.any(matrix[3, :3]):
+        raise Unsupported(
             "the last row of the matrix (each fourth number) must be 0 0 0 1: projections are not supported"
         )
+    if matrix[3, 3] == 0:
+        raise ValueError("the matrix has no inverse")
+    matrix = np.asarray(matrix / matrix[3, 3], dtype=np.float64) + 0.0
     linear = matrix[:3, :3]
     if not np.any(matrix[:3, 3]) and np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:
         return Transform(matrix, matrix.T.copy())

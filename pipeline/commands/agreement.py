@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pipeline.agreement import Agreement
@@ -53,7 +54,6 @@ def agreement(
     from pipeline.agreement import agreement as agree
     from pipeline.commands.console import Speaker
     from renderer.estimators.protocol import ESTIMATORS
-    from scenes import load
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
@@ -61,7 +61,7 @@ def agreement(
         raise PenumbraError(f"--alpha is {alpha:g}: give a chance between 0 and 1")
     if threads < 1:
         raise PenumbraError(f"threads is {threads}: give at least 1")
-    description = load(scene, definitions(define))
+    description = open_scene(scene, define, speaker)
     truth = None if backend == NONE else _reference(description, backend, reference_spp, cache, speaker)
     with speaker.step(f"render {scene}", len(estimator or ESTIMATORS.names())) as update:
         found = agree(

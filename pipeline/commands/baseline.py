@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, definitions, image_target
+from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, image_target
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,10 +34,9 @@ def baseline(
     from pipeline.baseline.entry import BIAS
     from pipeline.baseline.process import rasterise
     from pipeline.commands.console import Speaker
-    from scenes import load
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, description = image_target(output), load(scene, definitions(define))
+    target, description = image_target(output), open_scene(scene, define, speaker)
     with speaker.step(f"rasterise {scene}", 1) as update:
         (drawn,) = rasterise([description])
         update(1)

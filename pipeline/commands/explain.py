@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker
@@ -41,10 +42,9 @@ def explain(
     from pipeline.commands.console import Speaker
     from renderer import build
     from renderer.plan import make_plan
-    from scenes import load
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
-    built = build(load(scene, definitions(define)))
+    built = build(open_scene(scene, define, speaker))
     decisions = make_plan(built).decisions
     idle = list(dict.fromkeys(d.pruning for d in decisions if not d.needed))
     found = _measure(built, idle, estimator, spp, speaker) if measure else {}

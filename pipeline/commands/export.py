@@ -66,7 +66,7 @@ def export(
         sys.stdout.write(text)
     else:
         _write(output, text, images, meshes)
-    for note in notes:
+    for note in (*loaded.notes, *notes):
         sys.stderr.write(f"penumbra: {note}\n")
 
 

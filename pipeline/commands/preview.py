@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions, image_target
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName, image_target
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pipeline.preview_samples import Tried
@@ -48,14 +49,13 @@ def preview(
     from pipeline.preview_samples import try_pixel
     from pipeline.preview_view import extent_of, look
     from renderer import build
-    from scenes import load
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     target = image_target(output)
     if target.suffix != ".png":
         raise PenumbraError(f"{target}: a preview is a .png")
-    description = load(scene, definitions(define))
+    description = open_scene(scene, define, speaker)
     place = _pixel(pixel, description)
     how = off_screen()
     if not how.works:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions, image_target
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName, image_target
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker
@@ -63,10 +64,9 @@ def reference(
       penumbra reference touching-light --backend closed-form -D gap=0.001
     """
     from pipeline.commands.console import Speaker
-    from scenes import load
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, description = image_target(output) if output else None, load(scene, definitions(define))
+    target, description = image_target(output) if output else None, open_scene(scene, define, speaker)
     request = _request(description, spp, target_se, batches, seed, quantity)
     stored = _make(speaker, scene, description, backend, request, cache or default_cache())
     if target:

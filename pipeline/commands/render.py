@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, definitions, image_target
+from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, image_target
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,12 +43,10 @@ def render(
     from pipeline.commands.console import Speaker
     from pipeline.record import Job
     from renderer import render as render_scene
-    from scenes import load
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, parameters = image_target(output), definitions(define)
-    description = load(scene, parameters)
+    target, description = image_target(output), open_scene(scene, define, speaker)
     given = description.defaults
     estimator = estimator or given.estimator or "mis"
     sampler = given.sampler if sampler is None else sampler
@@ -65,7 +64,9 @@ def render(
             threads=threads,
             progress=update,
         )
-    job = Job(scene=scene, parameters=parameters, estimator=estimator, sampler=sampler, spp=spp, seed=seed)
+    job = Job(
+        scene=scene, parameters=dict(description.parameters), estimator=estimator, sampler=sampler, spp=spp, seed=seed
+    )
     _write(target, job, description.content_hash(), result)
     _tell(speaker, target, job, result)
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, definitions
+from pipeline.commands.options import AsJson, Define, Quiet, SceneName
 from pipeline.commands.reference import default_cache
+from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker
@@ -61,14 +62,13 @@ def verify(
     from pipeline.verify import verify as run
     from renderer import build
     from renderer.estimators.protocol import ESTIMATORS
-    from scenes import load
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     if correction not in ("sidak", "bh"):
         raise PenumbraError(f"unknown correction {correction!r}; allowed: sidak, bh")
     trial = Trial(estimator, sampler, spp, seed, alpha, bias, correction)  # pyright: ignore[reportArgumentType]
-    description = load(scene, definitions(define))
+    description = open_scene(scene, define, speaker)
     why = ESTIMATORS[estimator].refuses(description)
     if why:
         raise PenumbraError(f"estimator {estimator!r} does not apply to scene {scene!r}: {why}")

@@ -123,6 +123,15 @@ def test_quiet_says_nothing_on_stderr(penumbra: Penumbra, tmp_path: Path) -> Non
     assert penumbra("render", "touching-light", "-o", tmp_path / "a.exr", *SMALL, "--quiet")[2] == ""
 
 
+def test_a_picture_that_is_not_pbrts_is_told_of(penumbra: Penumbra, tmp_path: Path) -> None:
+    scene = tmp_path / "plain.pbrt"
+    scene.write_text('Film "rgb" "integer xresolution" 8 "integer yresolution" 6 WorldBegin LightSource "infinite"')
+    assert "the file has no Integrator" in penumbra("render", scene, "-o", tmp_path / "a.exr")[2]
+    assert penumbra("render", scene, "-o", tmp_path / "a.exr", "--quiet")[2] == ""
+    scene.write_text('Integrator "path" "integer maxdepth" 1\n' + scene.read_text())
+    assert "Integrator" not in penumbra("render", scene, "-o", tmp_path / "a.exr")[2]
+
+
 def test_no_color_is_respected(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pipeline.cli", "render", "touching-light", "-o", str(tmp_path / "a.exr"), *SMALL]
     for variables, coloured in (({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False), ({"FORCE_COLOR": "1"}, True)):

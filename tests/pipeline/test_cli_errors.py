@@ -12,14 +12,14 @@ from tests.pipeline.test_cli import SMALL, Penumbra, images, penumbra
 __all__ = ["penumbra"]
 
 SWEEP = 'title = "t"\n[[study]]\nname = "s"\nscenes = ["soft-shadow"]\nmetrics = ["mse"]\n[study.axes]\nestimator = ["area"]\nspp = [1]\n'
-DARK = 'Camera "perspective"\nWorldBegin\nShape "sphere"\n'
+DARK = 'Camera "perspective"\nIntegrator "path" "integer maxdepth" 1\nWorldBegin\nShape "sphere"\n'
 
 # The command line and the message; {tmp} is an empty folder, in which {tmp}/file is a file.
 MISTAKES = [
     ("render nine -o {tmp}/a.exr", "unknown scene 'nine'; there are: .*disk-light, .*"),
     ("render {tmp}/no.pbrt -o {tmp}/a.exr", "there is no scene file '.*no.pbrt'"),
     ("render {tmp}/dark.pbrt -o {tmp}/a.exr", "scene 'dark' has no lights: .*"),
-    ("render {tmp}/bad.pbrt -o {tmp}/a.exr", r".*bad\.pbrt:2:1: .*WorldBgein.*"),
+    ("render {tmp}/bad.pbrt -o {tmp}/a.exr", r".*bad\.pbrt:3:1: .*WorldBgein.*"),
     ("render soft-shadow -o {tmp}/a.exr --spp 0", "spp is 0: at least 1 sample a pixel is needed"),
     ("render soft-shadow -o {tmp}/a.exr --seed -1", "seed is -1: .*"),
     ("render soft-shadow -o {tmp}/a.exr --threads 0", "threads is 0: give at least 1"),

@@ -10,7 +10,7 @@ import pytest
 from pipeline.references.mitsuba import MitsubaBackend
 from pipeline.references.mitsuba_limits import reason
 from pipeline.references.mitsuba_scene import convert, normalising_frame
-from pipeline.references.protocol import ReferenceRequest
+from pipeline.references.protocol import BACKENDS, ReferenceRequest, refusal
 from scenes.description import Array, BilinearMesh, Disk, Emission, SceneDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError, SceneError
 from tests.references.mitsuba_scenes import above, floor, look_at, moved, project, rectangle, scene, shape, vector
@@ -189,7 +189,18 @@ def test_gaps_below_mitsubas_reach_are_refused(gap: float):
         said = reason(scene([floor(), shape(light, 0.0, (1, 1, 1))], np.eye(4), 40.0))
         # A sphere reaches two radii up, and the rule takes the farthest point of a light: 1.8e-4 for it.
         assert (said is None) == (gap >= (1.8e-4 if isinstance(light, Sphere) else 9.2e-5))
-        assert said is None or "closed-form" in said
+        assert said is None or "overlook it" in said
+
+
+def test_the_backend_that_is_named_instead_takes_the_scene():
+    """The closed form where nothing stands on the floor, and not where something does."""
+    light = shape(rectangle(vector(0, 1e-6, 0), X, Z), 0.0, (1, 1, 1))
+    ball = shape(Sphere(vector(0, 3, 0), 0.2))
+    for more, named in (([], True), ([ball], False)):
+        given = scene([floor(), light, *more], np.eye(4), 40.0)
+        told = str(refusal(BACKEND, given, "radiance"))
+        assert "overlook it; " in told and ("closed-form" in told) is named
+        assert (BACKENDS["closed-form"].refuses(given) is None) is named
 
 
 def test_a_gap_to_a_small_triangle_of_a_large_mesh_is_found():

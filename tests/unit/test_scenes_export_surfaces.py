@@ -51,8 +51,8 @@ Array = NDArray[np.float64]
 class Rich(Random):
     """Descriptions of everything that is not in `Random`; images hold float32, as those of EXR files do."""
 
-    def image(self, gray: bool = False, square: bool = False) -> Array:
-        height, width = self.rng.integers(1, 6, 2)
+    def image(self, gray: bool = False, square: bool = False, powers: bool = False) -> Array:
+        height, width = 2 ** self.rng.integers(0, 3, 2) if powers else self.rng.integers(1, 6, 2)  # others are resized
         image = (
             self.rng.random((height, height if square else width, 1 if gray else 3))
             .astype(np.float32)
@@ -72,11 +72,15 @@ class Rich(Random):
                 wrap = ("repeat", "black", "clamp")[self.rng.integers(3)]
                 look = "point" if self.flag() else "bilinear"
                 scale = self.positive() if self.flag() else 1.0
-                return ImageTexture(self.image(gray), self.mapping(), wrap, look, scale, self.flag(), clamped=not gray)
+                image = self.image(gray, powers=True)
+                return ImageTexture(image, self.mapping(), wrap, look, scale, self.flag(), clamped=not gray)
             case 1:
                 return Checkerboard(self.part(gray, depth), self.part(gray, depth), self.mapping())
             case 2:
-                return Product(self.texture(gray, depth - 1), self.part(True, depth))
+                first, second = self.texture(gray, depth - 1), self.part(True, depth)
+                if isinstance(first, ImageTexture) and isinstance(second, np.ndarray):  # read as the image's own scale
+                    return replace(first, scale=first.scale * float(second[0]))
+                return Product(first, second)
             case _:
                 return Mix(self.part(gray, depth), self.texture(gray, depth - 1), self.part(True, depth))
 
@@ -144,7 +148,9 @@ class Rich(Random):
         sigma = float(self.rng.uniform(0.1, 3)) if kind == "gaussian" else 0.5
         chosen = PixelFilter(kind, *self.rng.uniform(0.1, 9, 2).tolist(), sigma)
         lights = [self.light() for _ in range(self.rng.integers(4))] + [self.environment()] * int(self.flag())
-        estimator = (None, "ambient-occlusion", "bsdf", "hemisphere")[self.rng.integers(4)]
+        # without light sampling pbrt would lose lights that no direction finds: there is no text for that
+        plain = 2 if any(not isinstance(light, Environment) for light in lights) else 4
+        estimator = (None, "ambient-occlusion", "bsdf", "hemisphere")[self.rng.integers(plain)]
         sampler = ("independent", "sobol", "stratified")[self.rng.integers(3)]
         return replace(
             super().scene(),
@@ -169,6 +175,19 @@ def test_images_of_bytes_read_back_bitwise(tmp_path: Path) -> None:
     )
     scene = parse_file(tmp_path / "from.pbrt")
     assert parse_file(written(scene, tmp_path)).content_hash() == scene.content_hash()
+
+
+def test_a_product_that_pbrt_would_make_one_image_of_is_written_as_a_mix(tmp_path: Path) -> None:
+    """Of black and the image; as a "scale" it would be read as 1 - 0.25 where it is (1 - 0.5) / 2."""
+    image = ImageTexture(np.full((2, 2, 3), 0.5), invert=True)
+    texture = Product(image, np.full(3, 0.5))
+    sphere = ShapeDescription(Sphere(np.zeros(3), 1.0, frame=np.eye(3)), Diffuse(texture))
+    (shape,) = parse_file(written(replace(world(""), shapes=(sphere,)), tmp_path)).shapes
+    assert isinstance(shape.material, Diffuse)
+    read = shape.material.reflectance
+    assert isinstance(read, Mix)
+    assert isinstance(read.second, ImageTexture)
+    np.testing.assert_array_equal(read.second.value(read.second.image) * read.amount, 0.25)
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes import files, load
-from scenes.description import TriangleMesh
+from scenes import files, load, stream
+from scenes.description import Sphere, TriangleMesh
 from scenes.errors import SceneError
 from scenes.numbers import SHORT, read_run
 from scenes.parser import parse, parse_file
@@ -64,6 +64,30 @@ def test_a_link_that_leads_outside_is_outside(tmp_path: Path) -> None:
     (tmp_path / "inner" / "link.pbrt").symlink_to(tmp_path / "part.pbrt")
     with pytest.raises(SceneError, match="lies outside the folder"):
         parse_file(path)
+
+
+def test_names_are_relative_to_the_top_file_first_as_in_pbrt(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "top.pbrt").write_text(HEAD + 'Include "sub/a.pbrt"')
+    (tmp_path / "sub" / "a.pbrt").write_text('Include "ball.pbrt"')
+    (tmp_path / "sub" / "ball.pbrt").write_text('Shape "sphere" "float radius" 2')
+    assert radius_of(tmp_path / "top.pbrt") == 2
+    (tmp_path / "ball.pbrt").write_text('Shape "sphere" "float radius" 1')
+    assert radius_of(tmp_path / "top.pbrt") == 1
+
+
+def radius_of(path: Path) -> float:
+    (shape,) = parse_file(path).shapes
+    assert isinstance(shape.geometry, Sphere)
+    return shape.geometry.radius
+
+
+def test_included_files_are_bounded_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stream, "FILE_LIMIT", 1000)
+    (tmp_path / "s.pbrt").write_text(HEAD + 'Include "a.pbrt"\n' * 3)
+    (tmp_path / "a.pbrt").write_text(" " * 400)
+    with pytest.raises(SceneError, match=r"s\.pbrt:9:1: the included files are larger than"):
+        parse_file(tmp_path / "s.pbrt")
 
 
 def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenes import colours
-from scenes.description import BilinearMesh, DistantLight, Emission, Light, PointLight, SpotLight, TriangleMesh
+from scenes.description import BilinearMesh, Diffuse, DistantLight, Emission, Light, PointLight, SpotLight, TriangleMesh
 from scenes.images import write_exr
 from scenes.parser import parse_file
 from tests.unit.scene_texts import HEAD, PATCH, TRIANGLE, world, world_fails
@@ -105,6 +105,46 @@ def test_a_spot_light() -> None:
         30,
     )
     assert light.intensity.tolist() == [3, 2, 1]
+
+
+def test_a_narrow_cone_falls_off_from_its_axis_on() -> None:
+    """pbrt takes the cosine of what would be a negative angle."""
+    light = spot('LightSource "spot" "float coneangle" 4')
+    assert (light.cone, light.falloff_start) == (4, 1)
+
+
+def test_any_name_with_a_suffix_is_a_file_of_samples(tmp_path: Path) -> None:
+    (tmp_path / "lamp.txt").write_text("400 5 700 9\n")
+    (tmp_path / "s.pbrt").write_text(HEAD + 'LightSource "distant" "spectrum L" "lamp.txt"')
+    (light,) = parse_file(tmp_path / "s.pbrt").lights
+    (other,) = world('LightSource "distant" "spectrum L" [ 400 5 700 9 ]').lights
+    assert isinstance(light, DistantLight)
+    assert isinstance(other, DistantLight)
+    assert light.irradiance.tolist() == other.irradiance.tolist()
+
+
+def test_colours_of_other_spaces() -> None:
+    """BT.2087's matrix, to the four digits that it is published with; gray stays gray, and what sRGB does not hold is cut off.
+
+    Of a parameter it is the space where that stands, in `Attribute` too, and a block gives the space back.
+    """
+    (light,) = world('ColorSpace "Rec2020" LightSource "distant" "rgb L" [ 0.3 0.2 0.1 ]').lights
+    assert isinstance(light, DistantLight)
+    matrix = [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]]
+    np.testing.assert_allclose(light.irradiance, np.array(matrix) @ [0.3, 0.2, 0.1], atol=1e-4)
+    for space in ("rec2020", "dci-p3"):
+        (gray,) = world(f'ColorSpace "{space}" LightSource "distant" "rgb L" [ 2 2 2 ]').lights
+        assert isinstance(gray, DistantLight)
+        np.testing.assert_allclose(gray.irradiance, 2, rtol=1e-14)
+    (green,) = world('ColorSpace "rec2020" Material "diffuse" "rgb reflectance" [ 0 1 0 ] Shape "sphere"').shapes
+    assert isinstance(green.material, Diffuse)
+    assert np.asarray(green.material.reflectance).tolist() == [0, 1, 0]
+    said = 'AttributeBegin ColorSpace "rec2020" Attribute "light" "rgb L" [ .3 .2 .1 ] ColorSpace "srgb" '
+    kept, plain = world(said + 'LightSource "distant" AttributeEnd LightSource "distant" "rgb L" [ .3 .2 .1 ]').lights
+    assert isinstance(kept, DistantLight)
+    assert isinstance(plain, DistantLight)
+    assert kept.irradiance.tolist() == light.irradiance.tolist()
+    assert plain.irradiance.tolist() == [0.3, 0.2, 0.1]
 
 
 def test_power_of_a_spot_light_is_what_it_sends_out() -> None:
@@ -226,7 +266,7 @@ def test_images_on_other_shapes_are_refused(tmp_path: Path, shape: str) -> None:
         ('LightSource "point" "float scale" -1', 21, ("negative",)),
         ('LightSource "point" "point3 from" [ 1e30 0 0 ]', 21, ("1e+18",)),
         ('LightSource "spot" "float coneangle" 0', 20, ("coneangle",)),
-        ('LightSource "spot" "float conedeltaangle" 31', 20, ("conedeltaangle",)),
+        ('LightSource "spot" "float conedeltaangle" 61', 20, ("twice coneangle",)),
         ('Scale 1 1 2 LightSource "spot"', 13, ("stretches or shears the cone",)),
         ('LightSource "distant" "blackbody L" 0', 23, ("kelvin",)),
         ('LightSource "distant" "blackbody L" [ 3000 1 ]', 23, ("one temperature",)),

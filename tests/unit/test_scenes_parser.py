@@ -146,7 +146,7 @@ def test_shapes_know_where_they_stand() -> None:
         ('AreaLightSource "diffuse" "string filename" "a.exr" "rgb L" [ 1 1 1 ]', 1, 27, ("either L or filename",)),
         ('AreaLightSource "diffuse" "bool twosided" "yes"', 1, 43, ("bool",)),
         ('AreaLightSource "diffuse" "float L" 3000', 1, 27, ('"rgb L"', '"blackbody L"')),
-        ('ColorSpace "rec2020"', 1, 1, ("srgb",)),
+        ('ColorSpace "aces2065-1"', 1, 1, ("srgb",)),
     ],
 )
 def test_errors_in_the_world(body: str, line: int, column: int, words: tuple[str, ...]) -> None:

@@ -59,6 +59,13 @@ def test_bytes_that_are_no_text_are_refused_at_the_byte() -> None:
     with pytest.raises(SceneError, match="0xff") as caught:
         decode("Look\nä".encode() + b"\xff", "f")
     assert caught.value.location == Location("f", 2, 2)
+    with pytest.raises(SceneError, match="0xfc"):
+        decode(b'Shape "k\xfcgel"', "f")
+
+
+def test_bytes_that_are_no_text_are_let_pass_in_comments() -> None:
+    """Latin-1 of old files."""
+    assert decode(b"# \xfc\nLook #\xff\n", "f") == "# ?\nLook #?\n"
 
 
 def test_a_byte_order_mark_is_dropped() -> None:

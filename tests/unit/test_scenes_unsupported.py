@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import pickle
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from scenes.errors import PLACES, Location, Report, SceneError
+from scenes.images import write_exr
 from scenes.parser import parse, parse_file
 from tests.unit.scene_texts import HEAD, TRIANGLE
 
@@ -103,6 +106,42 @@ def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, pr
     assert lines == [problem, *str(refused(SCENE)).splitlines()]
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        'Material "conductor" "texture roughness" "r"',
+        'Material "conductor" "texture eta" "r" "float roughness" .1',
+        'Material "conductor" "texture reflectance" "r" "float roughness" .1',
+        'Material "diffuse" "blackbody reflectance" 3000',
+        "ConcatTransform [ 1 0 0 .5 0 1 0 0 0 0 1 0 0 0 0 1 ]",
+        'ObjectInstance "ball"',
+        'AreaLightSource "diffuse" "string filename" "sky.exr" ' + TRIANGLE,
+    ],
+)
+def test_what_pbrt_would_take_is_listed_with_the_rest(line: str, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", {name: np.ones((2, 2)) for name in "RGB"})
+    text = (
+        HEAD + 'ObjectBegin "ball" Shape "sphere" ObjectEnd Scale 1 2 1\n' + f'Shape "cylinder"\n{line}\nShape "curve"'
+    )
+    (tmp_path / "main.pbrt").write_text(text)
+    with pytest.raises(SceneError) as caught:
+        parse_file(tmp_path / "main.pbrt")
+    lines = [line.removeprefix(f"{tmp_path}/main.pbrt:").split(":")[0] for line in str(caught.value).splitlines()]
+    assert lines == ["8", "9", "10"]
+
+
+def test_a_camera_that_stretches_is_listed_with_the_rest() -> None:
+    lines = str(refused("Scale 1 2 1\n" + HEAD + 'Shape "cylinder"')).splitlines()
+    assert [line.split(":")[1] for line in lines] == ["3", "8"]
+
+
+def test_long_nonsense_is_cut_before_it_is_looked_at() -> None:
+    start = time.process_time()
+    error = refused(HEAD + f'Shape "{"A" * 20_000_000}"')
+    assert len(str(error)) < 1000
+    assert time.process_time() - start < 3  # a second or less; 7 when each letter was looked at
+
+
 def test_a_bad_value_hides_nothing_behind_it() -> None:
     error = refused(HEAD + 'Shape "sphere" "float radius" -1\nShape "sphere" "float radius" -2\nShape "cone"')
     assert error.location == Location("<text>", 7, 16)
@@ -116,6 +155,7 @@ def test_a_bad_value_hides_nothing_behind_it() -> None:
         ('Attribute "material" "texture displacement" "t" MakeNamedMaterial "m" "string type" "diffuse"', 22),
         ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
         ('Attribute "shape" "float alpha" .5 ' + TRIANGLE, 19),
+        ('Attribute "material" "texture roughness" "r" Material "conductor"', 22),
         ('Attribute "shape" "float phimax" 90 Shape "sphere"', 19),
         ('Attribute "light" "point3 portal" [ 0 0 0 1 0 0 1 1 0 0 1 0 ] LightSource "infinite"', 19),
         ('Attribute "texture" "string mapping" "planar" Texture "t" "float" "checkerboard"', 21),
@@ -177,7 +217,8 @@ def test_an_empty_report_says_nothing() -> None:
         'Option "disable-texture-filtering" true',
         'Option "seed" 7',
         'Option "forcediffuse" false',
-        'ColorSpace "srgb"',
+        'ColorSpace "sRGB"',
+        "TransformTimes 0 1",
         "ActiveTransform All",
         'MediumInterface "" ""',
         'MediumInterface ""',

@@ -1,0 +1,25 @@
+"""The scene that a command is asked for, with what there is to say about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from pipeline.commands.options import definitions
+
+if TYPE_CHECKING:  # not at the start: `penumbra --help` must not wait for rich and NumPy
+    from pipeline.commands.console import Speaker
+    from scenes import SceneDescription
+
+
+def open_scene(name: str, define: Sequence[str] | None, speaker: Speaker) -> SceneDescription:
+    """A scene with its parameters set by `-D`; where its picture is not the one that pbrt makes, a note on stderr says so.
+
+    PenumbraError as `scenes.load` raises it.
+    """
+    from scenes import load
+
+    scene = load(name, definitions(define))
+    for note in scene.notes:
+        speaker.note(f"{name}: {note}")
+    return scene
