@@ -246,7 +246,7 @@ def test_an_image_on_a_rectangle(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "shape", [TRIANGLE, 'Shape "sphere"', PATCH.replace("1 1 0", "1 2 0"), PATCH + ' "point2 uv" [ 0 0 0 1 1 0 1 1 ]']
+    "shape", [TRIANGLE, 'Shape "sphere"', PATCH.replace("1 1 0", "1 2 0"), PATCH + ' "point2 uv" [ 0 0 2 0 0 1 2 1 ]']
 )
 def test_images_on_other_shapes_are_refused(tmp_path: Path, shape: str) -> None:
     path = image_scene(tmp_path, 'AreaLightSource "diffuse" "string filename" "light.exr"\n' + shape, PIXELS)
