@@ -40,6 +40,10 @@ class Interval:
         under = value < self.high if self.below else value <= self.high
         return over and under
 
+    def brackets(self) -> str:
+        """As a header declares it: (0, 20] is above 0 and at most 20."""
+        return f"{'(' if self.above else '['}{self.low:g}, {self.high:g}{')' if self.below else ']'}"
+
     def __str__(self) -> str:
         low = f"above {self.low:g}" if self.above else f"{self.low:g} or more"
         high = f"below {self.high:g}" if self.below else f"at most {self.high:g}"

@@ -59,6 +59,10 @@ class Speaker:
         if not self.quiet:
             self._err.print(escape(text), highlight=False, soft_wrap=True)
 
+    def problem(self, text: str) -> None:
+        """One line on stderr, also with --quiet."""
+        self._err.print(escape(text), highlight=False, soft_wrap=True)
+
     def line(self, text: str) -> None:
         """One line on stdout, for people: with --json there is none."""
         if not self.as_json:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pipeline.commands.options import AsJson
+
+if TYPE_CHECKING:
+    from scenes.template import TemplateParameter
 
 Row = dict[str, Any]
 KINDS = ("scenes", "estimators", "samplers", "metrics", "backends", "sweeps")
@@ -47,7 +50,22 @@ def _rows(kind: str) -> list[Row]:
 
 
 def _parameter(parameter: Row) -> str:
-    return f"{parameter['name']} = {parameter['default']:g}  {parameter['meaning']}"
+    allowed = f", {parameter['allowed']}" if parameter["allowed"] else ""
+    return f"{parameter['name']} = {parameter['default']:g}  {parameter['meaning']}{allowed}"
+
+
+def _described(parameter: TemplateParameter) -> Row:
+    from scenes.template import ANY
+
+    bounds = parameter.interval
+    return {
+        "name": parameter.name,
+        "default": parameter.default,
+        "meaning": parameter.meaning,
+        "allowed": "" if bounds == ANY else f"in {bounds.brackets()}",
+        "low": bounds.low,
+        "high": bounds.high,
+    }
 
 
 def _scenes() -> list[Row]:
@@ -57,7 +75,7 @@ def _scenes() -> list[Row]:
         {
             "name": scene.name,
             "title": scene.title,
-            "parameters": [{"name": p.name, "default": p.default, "meaning": p.meaning} for p in scene.parameters],
+            "parameters": [_described(p) for p in scene.parameters],
         }
         for scene in library()
     ]

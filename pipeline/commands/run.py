@@ -109,7 +109,7 @@ def _tell(speaker: Speaker, summary: Summary, out: Path, seconds: float) -> None
     made = ", ".join(f"{count} {name}" for name, count in summary.made.items())
     speaker.line(f"{out}: {summary.cells} cells; made now: {made}; {seconds:.1f} s")
     for failure in summary.failures:
-        speaker.note(f"failed: {failure}")
+        speaker.problem(f"failed: {failure}")
 
 
 def _figures(summary: Summary, out: Path, seconds: float) -> dict[str, object]:
