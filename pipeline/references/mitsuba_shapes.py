@@ -127,7 +127,7 @@ def _plugin(kind: str, shape: ShapeDescription, to_uv: Array, values: dict[str, 
 def _radiance(emission: Emission, to_uv: Array) -> Array | Plugin:
     if emission.image is None:
         return emission.radiance
-    return bitmap(emission.image * emission.radiance, UVMapping(), "clamp", "point", to_uv)
+    return bitmap(emission.image * emission.radiance, UVMapping(), "clamp", "bilinear", to_uv)  # as pbrt looks it up
 
 
 def _sphere(shape: ShapeDescription, sphere: Sphere, frame: Frame, shift: float) -> Plugin:
