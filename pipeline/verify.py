@@ -22,8 +22,10 @@ from pipeline.record import SampleStatistics
 from pipeline.references.protocol import Progress, ReferenceImage
 from pipeline.regions import find_regions
 from pipeline.sides import of_reference, of_render, of_replicates
-from pipeline.statistics.welch import Correction, Moments, TestResult, compare_images, sidak_level
+from pipeline.statistics.welch import Correction, Moments, TestResult, allowance, compare_images, sidak_level
 from renderer import RenderResult, RenderScene, render
+from renderer.estimators.direction_sampling import DirectionSampling
+from renderer.estimators.protocol import ESTIMATORS
 from renderer.samplers.protocol import SAMPLERS
 from scenes.errors import PenumbraError
 
@@ -101,8 +103,25 @@ def judge(trial: Trial, side: Side, reference: Moments, parts: Mapping[str, Mask
     grid = (min(GRID, height), min(GRID, width))
     level = sidak_level(trial.alpha, 3 + len(named))
     tests = tuple(compare_images(ours, reference, grid, level, named, trial.correction))
-    verdict, reason = _verdict(trial, side.statistics, tests)
+    if _found_nothing(ours, reference):
+        verdict, reason = _black(trial)
+    else:
+        verdict, reason = _verdict(trial, side.statistics, tests)
     return Verification(verdict, reason, level, tests, ours.mean)
+
+
+def _found_nothing(ours: Moments, reference: Moments) -> bool:
+    """Whether the estimator's image is black and the reference's is not."""
+    light = reference.mean > allowance(ours, reference) + 6.0 * np.sqrt(reference.variance)
+    return not np.any(ours.mean) and bool(np.any(light))
+
+
+def _black(trial: Trial) -> tuple[Outcome, str]:
+    """Of an image without light: no sign of bias where light is met by chance, and a sure one where each sample goes to a light."""
+    by_chance = trial.estimator in ESTIMATORS.names() and isinstance(ESTIMATORS[trial.estimator], DirectionSampling)
+    if by_chance:
+        return "untrustworthy", "none of its samples met the light that the reference has: nothing tells how rare it is"
+    return "biased", "its image is black, and the reference is not"
 
 
 def _check(trial: Trial) -> None:

@@ -95,10 +95,14 @@ class InstanceUse:
 
 @dataclass(frozen=True, eq=False)
 class NamedTexture:
-    """A texture by its name; value is None where it is not supported, which the report then says. size: its nodes."""
+    """A texture by its name; value is None where it is not supported, which the report then says. size: its nodes.
+
+    plain: whether pbrt takes it for a constant.
+    """
 
     value: Texture | None
     size: int
+    plain: bool = False
 
 
 @dataclass(eq=False)

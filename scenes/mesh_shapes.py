@@ -83,17 +83,22 @@ def bilinear_mesh(parameters: Parameters, placement: Placement) -> list[Geometry
     if parameters.vectors("normal", "N") is not None:
         parameters.unsupported("N", "normals of a bilinearmesh are not supported: leave them out")
     parameters.integers("faceIndices")
-    return [_patches(vertices, faces, uv, parameters, placement)]
+    return [_patches(vertices, faces, uv, parameters, placement, placement.turned)]
 
 
 def _patches(
-    vertices: Array, faces: NDArray[np.int64], uv: Array | None, parameters: Parameters, placement: Placement
+    vertices: Array,
+    faces: NDArray[np.int64],
+    uv: Array | None,
+    parameters: Parameters,
+    placement: Placement,
+    turned: bool,
 ) -> BilinearMesh:
     world = placement.transform.points(vertices)
     problem = patch_problem(world, faces)
     if problem:
         raise (Unsupported if "planar" in problem else SceneError)(problem, parameters.where)
-    return BilinearMesh(world, faces, placement.turned, uv)
+    return BilinearMesh(world, faces, turned, uv)
 
 
 def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
@@ -142,7 +147,7 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
     if len(mesh.triangles):
         geometries.append(TriangleMesh(placement.transform.points(mesh.vertices), mesh.triangles, turned, mesh.uv))
     if len(mesh.quads):  # corners go round the face in PLY, row by row in a patch
-        geometries.append(_patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement))
+        geometries.append(_patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement, turned))
     return geometries
 
 

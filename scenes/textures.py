@@ -44,7 +44,7 @@ def texture(builder: Builder, name: str, type_: str, kind: str, parameters: Para
     made = _KINDS[kind](maker)
     if maker.size > NODES:
         raise SceneError(f'texture "{name}" is made of more than {NODES} others', parameters.where)
-    builder.textures[type_, name] = NamedTexture(made, maker.size)
+    builder.textures[type_, name] = NamedTexture(made, maker.size, maker.plain)
 
 
 def named_texture(builder: Builder, type_: str, name: str, where: Location) -> NamedTexture:
@@ -56,12 +56,14 @@ def named_texture(builder: Builder, type_: str, name: str, where: Location) -> N
 
 
 class _Maker:
-    """Reads the parts of one texture. size: its nodes so far."""
+    """Reads the parts of one texture. size: its nodes so far. plain: whether it is one of pbrt's "constant", and not made of such."""
 
     def __init__(self, builder: Builder, type_: str, parameters: Parameters) -> None:
         self.type = type_
         self.parameters = parameters
         self.size = 1
+        self.plain = False
+        self._mixed: set[str] = set()
         self.builder = builder
 
     def part(self, name: str, default: float, type_: str | None = None) -> Texture:
@@ -77,23 +79,41 @@ class _Maker:
             return colour_of(self.parameters, parameter, "reflectance")
         found = named_texture(self.builder, type_, self.parameters.text_of(parameter), parameter.where)
         self.size += found.size
+        if not found.plain:
+            self._mixed.add(name)
         return np.full(3, default) if found.value is None else found.value
+
+    def is_plain(self, name: str) -> bool:
+        """Whether a part that was read is a number, a colour, or a "constant" by its name."""
+        return name not in self._mixed
 
 
 def _constant(maker: _Maker) -> Texture:
+    maker.plain = True
     return maker.part("value", 1.0)
 
 
 def _scale(maker: _Maker) -> Texture:
     first, second = maker.part("tex", 1.0), maker.part("scale", 1.0, "float")
     if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        maker.plain = _is_plain(maker, "tex", "scale", second) or _is_plain(maker, "scale", "tex", first)
         return first * second
-    # pbrt gives a constant factor to the image itself, whose own inversion and bounds then come after it.
-    if isinstance(first, ImageTexture) and isinstance(second, np.ndarray):
+    # pbrt gives a factor that is a "constant" to the image itself, whose own inversion and bounds then come after it.
+    if isinstance(first, ImageTexture) and isinstance(second, np.ndarray) and maker.is_plain("scale"):
         return replace(first, scale=first.scale * float(second[0]))
-    if isinstance(second, ImageTexture) and isinstance(first, np.ndarray) and maker.type == "float":
+    if (
+        isinstance(second, ImageTexture)
+        and isinstance(first, np.ndarray)
+        and maker.type == "float"
+        and maker.is_plain("tex")
+    ):
         return replace(second, scale=second.scale * float(first[0]))
     return Product(first, second)
+
+
+def _is_plain(maker: _Maker, name: str, other: str, factor: Array) -> bool:
+    """Whether pbrt takes the whole for its part `name`, since the other one is the "constant" 1."""
+    return maker.is_plain(name) and maker.is_plain(other) and bool(np.all(factor == 1))
 
 
 def _mix(maker: _Maker) -> Texture:

@@ -15,7 +15,8 @@ class RelMseImgtool:
     """Mean of ((estimate - r)^2 - variance of r) / (r + 0.01)^2 over every pixel and channel (pbrt-v4, Image::MRSE [pharr2023]).
 
     In the umbra it divides by 1e-4, a hundred times less than `relmse`. imgtool leaves infinite terms out; here a pixel that is
-    not finite makes it undefined. It subtracts nothing: against a reference without variance the two agree.
+    not finite makes it undefined. It subtracts nothing: against a reference without variance the two agree. Against a deterministic
+    reference the interval leaves out that the weight moves with the reference, by about 1e-8 of the value at the bounds there are.
     """
 
     name = "relmse-imgtool"

@@ -6,9 +6,9 @@ is how large samples get: n independent draws from [0, w] (or [v, w], measured f
 
     2 exp(-n [s/w ln(s/m) + (1 - s/w) ln((1 - s/w) / (1 - m/w))])
 
-whatever their distribution is, and also if each has one of its own (Hoeffding [hoeffding1963], Theorem 1). Where no light was met it comes to
+whatever their distribution is, and also if each has one of its own (Hoeffding [hoeffding1963], Theorem 1). Where a region met no light it comes to
 (1 - m/w)^n: the chance of meeting none of the n m / w samples of the largest kind that make up the region's light. Where the truth is
-black any light at all rejects; where it is nearly black, light that would have to come from many more large samples than there can be.
+black any light at all rejects; where no draw of the whole image met any, nothing is known of w and nothing is tested; where it is nearly black, light that would have to come from many more large samples than there can be.
 
 The bound w is the largest draw of the whole image, which is the most that the samples can tell; light in still larger samples that no
 pixel has met is the business of the heavy-tail guard (heavy_tail.py). Beyond EVENTS such samples in a region its own variance
@@ -39,6 +39,8 @@ def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
 
     pixels: (..., 3), of each region. reference: (..., 3), over the regions.
     """
+    if not np.any(draws.largest > draws.least):
+        return np.ones_like(reference.mean, dtype=np.bool_)
     least, largest = _range(draws, reference.mean)
     return reference.mean * pixels * draws.count < EVENTS * (largest - least)
 
@@ -64,7 +66,9 @@ def bounded_p(draws: Draws, pixels: Array, mean: Array, reference: Moments, slac
     wide = largest > least
     s, m = (np.divide(x - least, largest - least, out=np.zeros_like(least), where=wide) for x in (ours, truth))
     exponent = draws.count * pixels * (relative_entropy(s, m) + relative_entropy(1.0 - s, 1.0 - m))
-    return np.where(finite, np.minimum(1.0, 2.0 * np.exp(-exponent)), 0.0)
+    # Draws that met no light tell nothing of how large it comes: where there is some, that is no evidence of bias.
+    unknown = (draws.largest <= draws.least) & (ours == draws.least) & (reference.mean > ours)
+    return np.where(finite, np.where(unknown, 1.0, np.minimum(1.0, 2.0 * np.exp(-exponent))), 0.0)
 
 
 def _range(draws: Draws, *means: Array) -> tuple[Array, Array]:

@@ -17,6 +17,8 @@ from pipeline.statistics.numerics import box_mean
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+WIDE = (9, 27)
+
 
 @dataclass(frozen=True, eq=False)
 class Draws:
@@ -86,6 +88,26 @@ def steadied(side: Moments) -> Moments:
     )  # the filter's running sum would carry a nan along
     around = box_mean(finite, 3)
     return replace(side, variance=np.maximum(side.variance, around))
+
+
+def told(side: Moments, other: Moments) -> tuple[Array, Array]:
+    """Both variances (h, w, 3), to be summed up: 0 for what is not finite, and for the first where the other side is black without any variance."""
+    black = (other.mean == 0) & (other.variance == 0)
+    own, known = (np.where(np.isfinite(v), v, 0.0) for v in (side.variance, other.variance))
+    return np.where(black, 0.0, own), known
+
+
+def with_excess(side: Moments, other: Moments) -> Moments:
+    """`side` with a variance of no less than the other side's samples would have and, on top of it, its own excess over that around.
+
+    The excess is the mean over WIDE pixels square, the greatest of them; 0 where this side varies no more, as it does where both sample alike.
+    """
+    if side.samples is None or other.samples is None:
+        return side
+    own, known = told(side, other)
+    known = known * (other.samples / side.samples)
+    excess = np.maximum.reduce([box_mean(own, size) - box_mean(known, size) for size in WIDE])
+    return replace(side, variance=np.maximum(side.variance, known + np.maximum(excess, 0.0)))
 
 
 def reduced(side: Moments, grid: tuple[int, int]) -> Moments:

@@ -115,9 +115,9 @@ def test_damaged_or_unsupported_files_are_named_with_the_reason(tmp_path: Path, 
     assert "\n" not in str(caught.value)
 
 
-def with_normals(normals: str) -> bytes:
+def with_normals(normals: str, faces: str = TRIANGLES) -> bytes:
     rows = zip(["0 0 0", "1 0 0", "1 1 0", "0 1 0"], normals.split(","), strict=True)
-    return ascii_ply(TRIANGLES, "".join(f"{point} {normal}\n" for point, normal in rows), NORMALS)
+    return ascii_ply(faces, "".join(f"{point} {normal}\n" for point, normal in rows), NORMALS)
 
 
 @pytest.mark.parametrize(
@@ -135,14 +135,15 @@ def with_normals(normals: str) -> bytes:
         ("Scale 1 1 -1 ", "0 0 1,0 0 1,0 0 1,0 0 1", True),
     ],
 )
+@pytest.mark.parametrize("faces", [TRIANGLES, "4 0 1 2 3\n"])
 def test_normals_that_are_the_faces_own_only_choose_a_side(
-    tmp_path: Path, state: str, normals: str, reverse: bool
+    tmp_path: Path, faces: str, state: str, normals: str, reverse: bool
 ) -> None:
-    written(tmp_path, with_normals(normals))
+    written(tmp_path, with_normals(normals, faces))
     scene = tmp_path / "s.pbrt"
     scene.write_text(HEAD + state + 'Shape "plymesh" "string filename" "m.ply"')
     geometry = parse_file(scene).shapes[0].geometry
-    assert isinstance(geometry, TriangleMesh)
+    assert isinstance(geometry, TriangleMesh if faces == TRIANGLES else BilinearMesh)
     assert geometry.reverse is reverse
 
 

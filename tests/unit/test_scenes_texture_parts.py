@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from renderer.textures import evaluate
 from scenes.description import Checkerboard, ImageTexture, Mix, Product
 from scenes.images import write_exr
 from tests.unit.scene_texts import world_fails
@@ -31,6 +33,26 @@ def test_names_that_come_later_in_pbrts_order(tmp_path: Path) -> None:
     assert isinstance(product.first, ImageTexture)
     assert isinstance(product.second, Checkerboard)
     world_fails('Texture "t" "float" "scale" "texture tex" "n" Texture "n" "float" "constant"', 1, 29, "'n'")
+
+
+@pytest.mark.parametrize(
+    ("factor", "value"),
+    [
+        ('"constant" "float value" .25', 0.9),
+        ('"scale" "float tex" .25', 0.9),  # times 1 is its part, still constant
+        ('"scale" "float tex" .5 "float scale" .5', 0.15),
+        ('"mix" "float tex1" .25 "float tex2" .25', 0.15),
+    ],
+)
+def test_only_what_is_a_constant_to_pbrt_goes_into_the_image(factor: str, value: float, tmp_path: Path) -> None:
+    """1 - 0.4 / 4, and elsewhere (1 - 0.4) / 4."""
+    write_exr(tmp_path / "a.exr", {name: np.array([[0.4]]) for name in "RGB"})
+    image = 'Texture "i" "spectrum" "imagemap" "string filename" "a.exr" "bool invert" true'
+    scaled = texture_of(
+        f'Texture "k" "float" {factor} {image} Texture "t" "spectrum" "scale" "texture tex" "i" "texture scale" "k"',
+        tmp_path,
+    )
+    np.testing.assert_allclose(evaluate(scaled, np.array([[0.5], [0.5]])), value, rtol=1e-6)
 
 
 def test_a_constant_factor_is_the_image_s_own_as_in_pbrt(tmp_path: Path) -> None:
