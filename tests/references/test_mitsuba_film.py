@@ -10,9 +10,19 @@ from scipy.special import erf  # pyright: ignore[reportMissingTypeStubs]
 
 from pipeline.references.mitsuba_film import density, offsets
 from pipeline.references.protocol import ReferenceRequest
-from scenes.description import Array, Diffuse, Emission, Film, PixelFilter, SceneDescription, ShapeDescription
+from scenes.description import (
+    Array,
+    Diffuse,
+    Emission,
+    Film,
+    ImageTexture,
+    PixelFilter,
+    SceneDescription,
+    ShapeDescription,
+)
 from tests.references.mitsuba_checks import BACKEND, picture, render
 from tests.references.mitsuba_scenes import above, floor, look_at, rectangle, scene, shape, vector
+from tests.references.test_mitsuba_surfaces import image_at
 
 X, Y, Z = np.eye(3)
 O = np.zeros(3)  # noqa: E741
@@ -22,15 +32,27 @@ BLACK = Diffuse(np.zeros(3))
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_an_image_on_a_light_lies_as_pbrt_lays_it(reverse: bool):
-    """Its first row at v = 1, u to the right and v up here, each texel for itself."""
+    """Its first row at v = 1, u to the right and v up here, interpolated between the texels' centres and clamped beyond them.
+
+    The mean error of a pixel is that of 4,096 samples; an image that is mirrored, or of nearest texels, is off by 0.1 and more on average.
+    """
     light = rectangle(O, 0.9 * X, 0.9 * Y, not reverse)
     if reverse:  # seen from behind, where u runs to the left
         light = rectangle(O, -0.9 * X, 0.9 * Y, False)
     shown = ShapeDescription(light, BLACK, Emission(vector(1, 2, 3), image=IMAGE))
     camera = look_at(-5 * Z, O, Y)
-    image = picture(scene([shown], camera, float(np.degrees(2 * np.arctan(0.9 / 5))), 6, 6), 64)
-    wanted = IMAGE[:, ::-1] if reverse else IMAGE
-    np.testing.assert_allclose(image, (wanted * (1, 2, 3)).repeat(2, axis=0).repeat(3, axis=1), rtol=1e-5)
+    image = picture(scene([shown], camera, float(np.degrees(2 * np.arctan(0.9 / 5))), 6, 6), 4096)
+    wanted = interpolated(60).reshape(6, 10, 6, 10, 3).mean(axis=(1, 3))
+    wanted = wanted[:, ::-1] if reverse else wanted
+    np.testing.assert_allclose(image, wanted, atol=0.03)
+    assert np.abs(image - wanted).mean() < 0.005
+
+
+def interpolated(size: int) -> Array:
+    """IMAGE times the light's radiance at the middles of size x size parts of it, the first row at the top: (size, size, 3)."""
+    v, u = (np.mgrid[:size, :size] + 0.5) / size
+    texture = ImageTexture(IMAGE, wrap="clamp")
+    return image_at(texture, np.stack([u, 1 - v], axis=-1)) * (1, 2, 3)
 
 
 def irradiance_of_polygon(corners: Array) -> float:
@@ -42,19 +64,19 @@ def irradiance_of_polygon(corners: Array) -> float:
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_an_image_on_a_light_shines_as_its_texels(two_sided: bool):
-    """Each texel a polygon of its own, by Lambert's formula; at 4 standard errors 0.4 % is caught, one texel amiss is 5 %."""
+def test_an_image_on_a_light_shines_as_it_looks(two_sided: bool):
+    """Each of 30 x 30 parts a polygon of its own, by Lambert's formula; at 4 standard errors 0.4 % is caught, one texel amiss is 5 %."""
     corner, u, v = vector(-0.9, 1, -0.8), vector(1.5, 0.2, 0), vector(0, 0, 1.4)
     light = rectangle(corner + (u + v) / 2, u / 2, v / 2, reverse=True)
     light = dataclasses.replace(light, reverse=float(np.cross(u, v)[1]) > 0)
     shown = ShapeDescription(light, BLACK, Emission(vector(1, 2, 3), two_sided, IMAGE))
     value, error = render(scene([floor(), shown], *above(O, 0.01, 0.3)), 2**17)
     want = np.zeros(3)
-    for row, column in np.ndindex(3, 2):
-        a, b = column / 2, 1 - (row + 1) / 3
-        low = corner + a * u + b * v
-        quad = np.stack([low, low + u / 2, low + u / 2 + v / 3, low + v / 3])
-        want += IMAGE[row, column] * (1, 2, 3) * irradiance_of_polygon(quad) / (2 * np.pi)
+    parts, n = interpolated(30), 30
+    for row, column in np.ndindex(n, n):
+        low = corner + column / n * u + (1 - (row + 1) / n) * v
+        quad = np.stack([low, low + u / n, low + (u + v) / n, low + v / n])
+        want += parts[row, column] * irradiance_of_polygon(quad) / (2 * np.pi)
     print(f"relative error {value / want - 1}, would have caught {(4 * error / want).max():.2%}")
     assert np.all(4 * error < 4e-3 * want)
     assert np.all(np.abs(value - want) < 4 * error + 2e-4 * want)
