@@ -130,4 +130,4 @@ def test_the_image_mean_of_few_finds_is_tested_by_what_they_may_be() -> None:
         side = Moments(np.full((1, 1, 3), share), np.full((1, 1, 3), spread), count - 1, count)
         side = Moments(side.mean, side.variance, side.dof, count, draws=Draws(count, np.zeros(3), np.ones(3)))
         alarms += compare_images(side, exact, (1, 1), alpha=1e-3)[0].reject
-    assert alarms <= 4  # 0.6 on average if nominal, 5 and more in 0.04 % of all cases; 6 to 9 by its own variance
+    assert alarms <= 4  # 0.6 on average if nominal, 5 and more in 0.04 % of all cases; 6 by its own variance
