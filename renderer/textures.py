@@ -40,8 +40,11 @@ def brightest(texture: Texture) -> Floats:
         return brightest(texture.first) * brightest(texture.second)
     if isinstance(texture, Checkerboard | Mix):
         return np.maximum(brightest(texture.first), brightest(texture.second))
-    around = np.zeros((1, 3)) if texture.wrap == "black" else texture.image[0, :1]
-    return texture.value(np.concatenate([around, texture.image.reshape(-1, 3)])).max(axis=0)
+    image = texture.image
+    least = np.zeros(3) if texture.wrap == "black" else image.min(axis=(0, 1))
+    return np.maximum(
+        texture.value(least), texture.value(image.max(axis=(0, 1)))
+    )  # it rises or falls with what is found
 
 
 def is_constant(texture: Texture) -> bool:

@@ -102,14 +102,11 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
 def _whole_film(parameters: Parameters, size: list[int]) -> None:
     """Report a crop; pbrt's two ways of writing one are the part of the film in [0, 1] and in pixels."""
     window, bounds = parameters.numbers("cropwindow"), parameters.integers("pixelbounds")
+    for name, values in (("cropwindow", window), ("pixelbounds", None if bounds is None else bounds[0])):
+        if values is not None and len(values) != 4:
+            raise parameters.fail(name, f"{name} is four numbers, not {len(values)}")
     if window is not None and np.sort(window.reshape(2, 2)).tolist() != [[0, 1], [0, 1]]:
         parameters.unsupported("cropwindow", "cropwindow is not supported: the whole film is rendered")
-    for name, count in (
-        ("cropwindow", 4 if window is None else len(window)),
-        ("pixelbounds", 4 if bounds is None else len(bounds[0])),
-    ):
-        if count != 4:
-            raise parameters.fail(name, f"{name} is four numbers, not {count}")
     if bounds is not None and bounds[0].tolist() != [0, size[0], 0, size[1]]:
         parameters.unsupported("pixelbounds", "pixelbounds is not supported: the whole film is rendered")
 

@@ -127,6 +127,8 @@ def test_defaults_are_no_part_of_the_content() -> None:
         ('Film "rgb" "integer pixelbounds" [ 0 10 0 10 ]', 12, ("pixelbounds",)),
         ('PixelFilter "mitchell" "float B" 0.3', 1, ('"mitchell"', '"box", "triangle", "gaussian"')),
         ('PixelFilter "sinc"', 1, ('"sinc"', '"gaussian"')),
+        ('Film "rgb" "float cropwindow" [ 0 1 0 ]', 12, ("cropwindow is four numbers, not 3",)),
+        ('Film "rgb" "integer pixelbounds" [ 1 ]', 12, ("pixelbounds is four numbers, not 1",)),
         ('PixelFilter "box" "float xradius" 0', 19, ("above 0",)),
         ('PixelFilter "gaussian" "float yradius" 100', 24, ("at most 16",)),
         ('PixelFilter "gaussian" "float sigma" 0', 24, ("sigma must be positive",)),
