@@ -1,5 +1,5 @@
 # Penumbra. `make demo` runs the main job, `make test` the tests. Needs GNU make, a POSIX sh, git and Python 3.11, 3.12 or 3.13.
-# `UV_PYTHON=3.12 make demo` picks one of several Pythons; `make test ARGS="tests/unit -k film"` passes arguments to pytest.
+# `UV_PYTHON=3.12 make demo` picks one of several Pythons; `make test ARGS="tests/renderer -k film"` passes arguments to pytest.
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help

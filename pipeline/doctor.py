@@ -70,7 +70,7 @@ def verdict(parts: Sequence[Part]) -> list[str]:
 
 def system() -> list[Part]:
     """Python and the machine: always there, told for bug reports."""
-    from pipeline.provenance import provenance
+    from pipeline.store.provenance import provenance
 
     made = provenance()
     text = f"{made.python} on {made.machine}, {made.cores} cores; penumbra {made.penumbra}"
@@ -80,7 +80,7 @@ def system() -> list[Part]:
 def embree() -> list[Part]:
     """Trace one ray that hits a triangle and one that misses."""
     try:
-        from renderer.intersect import make_triangles
+        from renderer.geometry.triangles import make_triangles
 
         corners = np.array([[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [0.0, 1.0, 2.0]])
         face = np.array([[0, 1, 2]])
@@ -99,7 +99,7 @@ def embree() -> list[Part]:
 def images() -> list[Part]:
     """Write and read back an EXR."""
     try:
-        from scenes.images import read_exr, write_exr
+        from scenes.images.exr import read_exr, write_exr
 
         plane = np.linspace(-1.0, 1e6, 12).reshape(3, 4).astype(np.float32).astype(np.float64)
         with tempfile.TemporaryDirectory(prefix="penumbra-") as folder:
@@ -113,7 +113,7 @@ def images() -> list[Part]:
 
 def mitsuba() -> list[Part]:
     """Each variant by a tiny render in a process of its own."""
-    from pipeline.references.mitsuba import probe_variants
+    from pipeline.references.backends.mitsuba import probe_variants
 
     remedies = {
         "llvm_ad_rgb": "pip install karellen-llvm-core, or point DRJIT_LIBLLVM_PATH at an LLVM that works (19, 23; not 15)"
@@ -147,7 +147,7 @@ def rasteriser() -> list[Part]:
     """Draw a triangle with pyrender and measure its depth."""
     from pipeline.baseline.entry import REMEDY
     from pipeline.baseline.process import rasterise
-    from scenes.parser import parse
+    from scenes.pbrt.parser import parse
 
     try:
         (drawn,) = rasterise([parse(TRIANGLE)])
@@ -161,7 +161,7 @@ def rasteriser() -> list[Part]:
 
 def preview() -> list[Part]:
     """Draw a ball off screen with VTK."""
-    from pipeline.preview import REMEDY, off_screen
+    from pipeline.preview.drawing import REMEDY, off_screen
 
     found = off_screen()
     return [Part("preview", found.works, found.detail, REMEDY)]

@@ -24,9 +24,9 @@ from pipeline.references.protocol import (
     require,
     unlit,
 )
-from pipeline.references.sources import digest
+from pipeline.store.sources import digest
 from renderer import build, fingerprint, render
-from renderer.estimators.protocol import ESTIMATORS
+from renderer.interfaces.estimator import ESTIMATORS
 from scenes.description import SceneDescription
 
 NAME = "self"

@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
-from renderer.bounds import TOLERANCE, ShapeBounds, shape_bounds
 from renderer.camera import Camera, make_camera
-from renderer.coordinates import Coordinates, coordinates
-from renderer.intersect import Triangles
+from renderer.geometry.analytic import Quadrics
+from renderer.geometry.bounds import TOLERANCE, ShapeBounds, shape_bounds
+from renderer.geometry.primitives import all_quadrics, all_triangles, by_formula, without_skew
+from renderer.geometry.triangles import Triangles
+from renderer.geometry.uv import Coordinates, coordinates
+from renderer.interfaces.light import LIGHTS, LightKind, Source
+from renderer.interfaces.material import MATERIALS, MaterialKind
 from renderer.lights.environment import EnvironmentLights
-from renderer.lights.protocol import LIGHTS, LightKind, Source
-from renderer.materials.protocol import MATERIALS, MaterialKind
-from renderer.quadrics import Quadrics
-from renderer.shapes import all_quadrics, all_triangles, by_formula, without_skew
+from renderer.math.vectors import Floats
 from scenes.description import SceneDescription, ShapeDescription
 from scenes.errors import SceneError
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, dot, normalize
+from renderer.math.vectors import Floats, dot, normalize
 from renderer.pixel_filter import offsets
 from scenes.description import Film, PerspectiveCamera
 

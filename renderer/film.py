@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 BLOCK = 16
 TAIL = 4096

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import erf  # pyright: ignore[reportMissingTypeStubs]
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 from scenes.description import PixelFilter
 
 # Of the gaussian's inverse: linear between nodes, the distribution is off by less than 1e-7 of its whole.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, dot
 from renderer.build import RenderScene, build
-from renderer.emission import with_pictures
-from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Estimator
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
-from renderer.limits import check
-from renderer.plan import RenderPlan, make_plan, plan_occlusion
+from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
+from renderer.interfaces.sampler import SAMPLERS, Sampler
+from renderer.math.vectors import Floats, dot
+from renderer.plan.limits import check
+from renderer.plan.plan import RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
-from renderer.samplers.protocol import SAMPLERS, Sampler
+from renderer.shading.emission import with_pictures
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 from scenes.description import Checkerboard, Mix, Product, Texture, UVMapping
 
 Integers = NDArray[np.int64]

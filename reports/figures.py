@@ -20,7 +20,7 @@ from pipeline.statistics.slopes import Slope
 from reports.axes import SOFT, Span, layout, span
 from reports.formats import interval, sig, slope_text
 from reports.measures import Measure
-from reports.select import Panel, Point, Series
+from reports.series import Panel, Point, Series
 from reports.trends import fitted_slope
 
 COLORS = ("#b4531f", "#1f5f8b", "#3f7d4e", "#8a4b8f", "#a07a12", "#5b6770")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from pipeline.record import Job
+from pipeline.schema.record import Job
 from pipeline.statistics.intervals import Interval
 from pipeline.statistics.slopes import Slope
 from reports.measures import Measure

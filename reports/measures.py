@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.record import Score
+from pipeline.schema.record import Score
 from pipeline.statistics.intervals import Interval, efficiency, replicate_interval, replicate_mse
 
 SQUARED = ("mse", "relmse", "relmse-imgtool", "relmse-simpleimageio", "relmse-trimmed")

@@ -7,17 +7,10 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from pipeline.entries import write_file
-from pipeline.store import Run, load_run
-from reports.album import Album, make_album
+from pipeline.store.run_folder import Run, load_run
+from pipeline.store.sealed_folder import write_file
 from reports.figures import error_against_parameter, error_against_time, html, plotly_source
-from reports.formats import job_line, scene_title, settings
-from reports.origin import tell_origin
-from reports.region_table import region_table
-from reports.select import Panel, StudyView, select_studies
-from reports.tables import Table, error_table, plan_table, samples_table
-from reports.viewer import flip_script, flipbook_source
-from reports.words import (
+from reports.findings import (
     cost_sentences,
     left_out_sentences,
     promise_accuracy,
@@ -25,8 +18,15 @@ from reports.words import (
     promise_stability,
     stability_sentences,
 )
+from reports.formats import job_line, scene_title, settings
+from reports.images import Album, make_album
+from reports.provenance import tell_origin
+from reports.region_table import region_table
+from reports.series import Panel, StudyView, select_studies
+from reports.tables import Table, error_table, plan_table, samples_table
+from reports.viewer import flip_script, flipbook_source
 from scenes.errors import PenumbraError
-from scenes.images import write_png
+from scenes.images.exr import write_png
 
 ASSETS = "assets"
 NAMED = 40  # missing cells that are named; of more there is the number

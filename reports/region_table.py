@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reports.figures import color
 from reports.measures import Measure, root_of
-from reports.select import Panel, Point, Series
+from reports.series import Panel, Point, Series
 from reports.tables import Cell, Heading, Row, Table, value_cell
 
 LEAK = "umbra-leak"

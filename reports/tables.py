@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from pipeline.record import PlanDecision, RayCounts
+from pipeline.schema.record import PlanDecision, RayCounts
 from reports.figures import color
 from reports.formats import DASH, ends, listing, millions, plain, power_of_ten, scene_title, sig
 from reports.measures import HIGHER, Measure
-from reports.select import Panel, Point, Series, Settings, varied
+from reports.series import Panel, Point, Series, Settings, varied
 
 # What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, by region, or in the verdict.
 TITLES = {"relmse": "relMSE", "flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR"}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pipeline.statistics.intervals import Interval, product
 from pipeline.statistics.slopes import Slope, fit_slope
 from reports.measures import Measure
-from reports.select import Panel, Point, Series
+from reports.series import Panel, Point, Series
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
-from scenes.parser import parse_file
-from scenes.template import TemplateParameter, Values, read_header
-from scenes.tokens import read_source
+from scenes.pbrt.parser import parse_file
+from scenes.pbrt.text.lexer import read_source
+from scenes.pbrt.text.template import TemplateParameter, Values, read_header
 
 ALLOW_OUTSIDE = "PENUMBRA_ALLOW_OUTSIDE"
 LIBRARY = Path(__file__).parent / "library"

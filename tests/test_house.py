@@ -26,13 +26,13 @@ TESTS = sorted((ROOT / "tests").rglob("*.py"))
 
 # A library and the one file that may import it; everything else goes through that file. None: no file yet.
 ONE_FILE = {
-    "embreex": "renderer/intersect.py",
-    "OpenImageIO": "scenes/images.py",
-    "mitsuba": "pipeline/references/mitsuba_worker.py",
-    "drjit": "pipeline/references/mitsuba_worker.py",
+    "embreex": "renderer/geometry/triangles.py",
+    "OpenImageIO": "scenes/images/exr.py",
+    "mitsuba": "pipeline/references/mitsuba/worker.py",
+    "drjit": "pipeline/references/mitsuba/worker.py",
     "dask": None,
     "distributed": None,
-    "pyvista": "pipeline/preview.py",
+    "pyvista": "pipeline/preview/drawing.py",
     "pyrender": "pipeline/baseline/worker.py",
     "OpenGL": "pipeline/baseline/worker.py",
 }

@@ -18,7 +18,7 @@ NAME = "pyrender"
 SAMPLER = "pixel-middle"
 BIAS = "rasterised: biased by the shadows and the sizes of lights that it leaves out"
 LIBRARIES = ("pyrender", "pyopengl", "trimesh", "numpy")
-SHARED = Path(__file__).parent.parent / "references" / "mitsuba_environment.py"  # reads environments
+SHARED = Path(__file__).parent.parent / "references" / "mitsuba" / "environment.py"  # reads environments
 
 # What each platform of OpenGL without a screen needs: one library of each group.
 NEEDED = {

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.baseline.lamps import ambient, encloses, of_light, of_shape
+from pipeline.baseline.lights import ambient, encloses, of_light, of_shape
 from pipeline.baseline.surfaces import View, mean_emission, surface, tessellate
 from pipeline.baseline.task import Array, Task
-from pipeline.references.mitsuba_environment import radiance
+from pipeline.references.mitsuba.environment import radiance
 from scenes.description import Environment, PerspectiveCamera, SceneDescription
 from scenes.errors import SceneError
 

@@ -11,9 +11,9 @@ from pipeline.commands.options import AsJson, Define, Quiet, SceneName
 from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
-    from pipeline.agreement import Agreement
     from pipeline.commands.console import Speaker
     from pipeline.references.protocol import ReferenceImage
+    from pipeline.studies.agreement import Agreement
     from scenes import SceneDescription
 
 NONE = "none"
@@ -51,9 +51,9 @@ def agreement(
 
       penumbra agreement touching-light -D gap=0.1 --spp 256 --reference closed-form --json
     """
-    from pipeline.agreement import agreement as agree
     from pipeline.commands.console import Speaker
-    from renderer.estimators.protocol import ESTIMATORS
+    from pipeline.studies.agreement import agreement as agree
+    from renderer.interfaces.estimator import ESTIMATORS
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)

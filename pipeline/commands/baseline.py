@@ -66,7 +66,7 @@ def baseline(
 
 
 def _write(target: Path, drawn: Raster, scene_hash: str) -> None:
-    from scenes.images import write_exr, write_png
+    from scenes.images.exr import write_exr, write_png
 
     if target.suffix == ".png":
         write_png(target, drawn.image)

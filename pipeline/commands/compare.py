@@ -10,8 +10,8 @@ import typer
 from pipeline.commands.options import AsJson, Quiet, definitions
 
 if TYPE_CHECKING:
-    from pipeline.metrics.protocol import Better, Estimate, Image, Reference
-    from pipeline.record import Score
+    from pipeline.schema.record import Score
+    from pipeline.scoring.metric import Better, Estimate, Image, Reference
 
 UNKNOWN_BATCHES = 2  # behind a variance that was given: sampled, from at least so many
 
@@ -55,8 +55,8 @@ def compare(
       penumbra compare theirs.exr pbrt.exr --reference-variance pbrt-variance.exr --json
     """
     from pipeline.commands.console import Speaker
-    from pipeline.metrics.protocol import METRICS
-    from pipeline.scoring import score
+    from pipeline.scoring.metric import METRICS
+    from pipeline.scoring.scores import score
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     limits = definitions(limit)
@@ -95,7 +95,7 @@ def compare(
 
 def _warnings(image: Path, truth: Path) -> list[str]:
     """What the files themselves say against comparing them: another scene, or samples that cannot be trusted."""
-    from scenes.images import read_exr
+    from scenes.images.exr import read_exr
 
     known = [read_exr(path).metadata if path.suffix == ".exr" else {} for path in (image, truth)]
     scenes = [metadata.get("scene") for metadata in known]
@@ -111,8 +111,8 @@ def _estimate(path: Path) -> Estimate:
     """The image under test with what its file says of its samples."""
     import numpy as np
 
-    from pipeline.metrics.protocol import Estimate
-    from scenes.images import read_estimate_exr, read_exr, read_rgb
+    from pipeline.scoring.metric import Estimate
+    from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
 
     if "variance.R" not in read_exr(path).channels:
         return Estimate(read_rgb(path))
@@ -125,8 +125,8 @@ def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
     """The reference and, in words, what is known of its error."""
     import numpy as np
 
-    from pipeline.metrics.protocol import Reference
-    from scenes.images import read_estimate_exr, read_exr, read_rgb
+    from pipeline.scoring.metric import Reference
+    from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
 
     if variance is not None:
         mean = read_rgb(path)
@@ -146,7 +146,7 @@ def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
 def _variance(path: Path, mean: Image) -> Image:
     """The variance of the mean in a file of its own; PenumbraError where it is none for this image."""
     from scenes.errors import PenumbraError
-    from scenes.images import read_estimate_exr, read_exr, read_rgb
+    from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
 
     stored = read_estimate_exr(path).variance if "variance.R" in read_exr(path).channels else read_rgb(path)
     if stored.shape != mean.shape:

@@ -41,7 +41,7 @@ def explain(
     """
     from pipeline.commands.console import Speaker
     from renderer import build
-    from renderer.plan import make_plan
+    from renderer.plan.plan import make_plan
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     built = build(open_scene(scene, define, speaker))
@@ -69,7 +69,7 @@ def _measure(
     import numpy as np
 
     from renderer import render
-    from renderer.plan import PRUNINGS
+    from renderer.plan.plan import PRUNINGS
 
     variants = {"": frozenset[str](), **{name: frozenset({name}) for name in prunings}, ALL: frozenset(PRUNINGS)}
     seconds: dict[str, list[float]] = {name: [] for name in variants}

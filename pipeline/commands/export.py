@@ -75,11 +75,11 @@ def _exported(
 ) -> tuple[str, Mapping[str, NDArray[np.float64]], Mapping[str, bytes], tuple[str, ...]]:
     """Text, images, meshes and notes."""
     if to is Target.MITSUBA:
-        from pipeline.references.mitsuba_xml import to_xml
+        from pipeline.references.mitsuba.xml import to_xml
 
         made = to_xml(scene, stem)
         return made.text, made.images, made.meshes, made.notes
-    from scenes.export import export as to_pbrt
+    from scenes.pbrt.write.scene import export as to_pbrt
 
     exported = to_pbrt(scene, stem)
     return exported.text, exported.images, {}, exported.notes
@@ -88,7 +88,7 @@ def _exported(
 def _write(output: Path, text: str, images: Mapping[str, NDArray[np.float64]], meshes: Mapping[str, bytes]) -> None:
     """All files under other names first: they take their own when every one is whole, the text last."""
     from scenes.errors import PenumbraError
-    from scenes.images import replacing, write_exr
+    from scenes.images.exr import replacing, write_exr
 
     names = {output.name, *images, *meshes}
     if len(names) != 1 + len(images) + len(meshes):

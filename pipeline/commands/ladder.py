@@ -25,7 +25,7 @@ def ladder(
       penumbra ladder --light rectangle --json
     """
     from pipeline.commands.console import Speaker
-    from pipeline.ladder import LIGHTS, climb
+    from pipeline.studies.ladder import LIGHTS, climb
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
     rows = list(climb([light] if light else tuple(LIGHTS), samples, seed))

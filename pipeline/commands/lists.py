@@ -9,7 +9,7 @@ import typer
 from pipeline.commands.options import AsJson
 
 if TYPE_CHECKING:
-    from scenes.template import TemplateParameter
+    from scenes.pbrt.text.template import TemplateParameter
 
 Row = dict[str, Any]
 KINDS = ("scenes", "estimators", "samplers", "metrics", "backends", "sweeps")
@@ -55,7 +55,7 @@ def _parameter(parameter: Row) -> str:
 
 
 def _described(parameter: TemplateParameter) -> Row:
-    from scenes.template import ANY
+    from scenes.pbrt.text.template import ANY
 
     bounds = parameter.interval
     return {
@@ -82,19 +82,19 @@ def _scenes() -> list[Row]:
 
 
 def _estimators() -> list[Row]:
-    from renderer.estimators.protocol import ESTIMATORS
+    from renderer.interfaces.estimator import ESTIMATORS
 
     return [{"name": name, "title": entry.title} for name, entry in ESTIMATORS.items()]
 
 
 def _samplers() -> list[Row]:
-    from renderer.samplers.protocol import SAMPLERS
+    from renderer.interfaces.sampler import SAMPLERS
 
     return [{"name": name, "title": entry.title} for name, entry in SAMPLERS.items()]
 
 
 def _metrics() -> list[Row]:
-    from pipeline.metrics.protocol import METRICS
+    from pipeline.scoring.metric import METRICS
 
     return [
         {"name": name, "title": metric.title, "unit": metric.unit, "better": metric.better, "source": metric.source}
@@ -109,7 +109,7 @@ def _backends() -> list[Row]:
 
 
 def _sweeps() -> list[Row]:
-    from pipeline.sweep import builtin_sweeps, load_sweep
+    from pipeline.schema.sweep import builtin_sweeps, load_sweep
 
     loaded = [(name, load_sweep(name)) for name in builtin_sweeps()]
     return [

@@ -11,7 +11,7 @@ from pipeline.commands.options import AsJson, Define, Quiet, SceneName, image_ta
 from pipeline.commands.scene import open_scene
 
 if TYPE_CHECKING:
-    from pipeline.preview_samples import Tried
+    from pipeline.preview.samples import Tried
     from scenes import SceneDescription
 
 
@@ -45,9 +45,9 @@ def preview(
       penumbra preview touching-light -o area.png -D gap=0.1 --estimator hemisphere --spp 100
     """
     from pipeline.commands.console import Speaker
-    from pipeline.preview import REMEDY, draw, off_screen
-    from pipeline.preview_samples import try_pixel
-    from pipeline.preview_view import extent_of, look
+    from pipeline.preview.drawing import REMEDY, draw, off_screen
+    from pipeline.preview.samples import try_pixel
+    from pipeline.preview.view import extent_of, look
     from renderer import build
     from scenes.errors import PenumbraError
 
@@ -92,7 +92,7 @@ def _title(scene: str, pixel: tuple[int, int], estimator: str, spp: int, tried: 
 
 
 def _counts(tried: Tried) -> dict[str, int]:
-    from pipeline.preview_samples import HIDDEN, IDLE, SEEN
+    from pipeline.preview.samples import HIDDEN, IDLE, SEEN
 
     return {"arrive": tried.count(SEEN), "hidden": tried.count(HIDDEN), "of_no_use": tried.count(IDLE)}
 

@@ -131,7 +131,7 @@ def _make(
 def _copy(stored: StoredReference, target: Path) -> None:
     import shutil
 
-    from scenes.images import replacing, write_png
+    from scenes.images.exr import replacing, write_png
 
     if target.suffix == ".png":
         write_png(target, stored.image.mean)
@@ -143,7 +143,7 @@ def _copy(stored: StoredReference, target: Path) -> None:
 def _tell(speaker: Speaker, stored: StoredReference, request: ReferenceRequest, target: Path | None) -> None:
     import math
 
-    from pipeline.references.tally import TAIL, precision
+    from pipeline.references.accumulator import TAIL, precision
 
     image = stored.image
     found = precision(image.mean, image.variance)

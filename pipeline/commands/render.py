@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.commands.console import Speaker
-    from pipeline.record import Job
+    from pipeline.schema.record import Job
     from renderer import RenderResult
 
 
@@ -41,7 +41,7 @@ def render(
       penumbra render touching-light -o gap.png -D gap=0.001 --sampler sobol --json
     """
     from pipeline.commands.console import Speaker
-    from pipeline.record import Job
+    from pipeline.schema.record import Job
     from renderer import render as render_scene
     from scenes.errors import PenumbraError
 
@@ -72,9 +72,9 @@ def render(
 
 
 def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> None:
-    from pipeline.job import statistics
-    from pipeline.provenance import provenance
-    from scenes.images import write_estimate_exr, write_png
+    from pipeline.run.job import statistics
+    from pipeline.store.provenance import provenance
+    from scenes.images.exr import write_estimate_exr, write_png
 
     if target.suffix == ".png":
         write_png(target, result.image)
@@ -91,13 +91,13 @@ def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> Non
 
 def _independent(job: Job) -> bool:
     """Whether the variance is that of the mean: low-discrepancy samples have a smaller one, which they do not tell."""
-    from renderer.samplers.protocol import SAMPLERS
+    from renderer.interfaces.sampler import SAMPLERS
 
     return SAMPLERS[job.sampler].independent
 
 
 def _tell(speaker: Speaker, target: Path, job: Job, result: RenderResult) -> None:
-    from pipeline.job import decisions, statistics
+    from pipeline.run.job import decisions, statistics
 
     found = statistics(result)
     seconds = result.seconds

@@ -25,7 +25,7 @@ def report(
       penumbra report runs/demo
     """
     from pipeline.commands.console import Speaker
-    from pipeline.store import load_run
+    from pipeline.store.run_folder import load_run
     from reports import write_report
 
     speaker = Speaker(as_json=as_json, quiet=quiet)

@@ -13,7 +13,7 @@ from pipeline.commands.options import AsJson, Quiet
 
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker
-    from pipeline.run import Summary
+    from pipeline.run.driver import Summary
 
 STOPPED = 130
 DEMO = "demo"
@@ -87,9 +87,9 @@ def demo(
 
 
 def _run(sweep: str, out: Path, workers: int | None, speaker: Speaker) -> Summary:
-    from pipeline.executors.local import LocalExecutor
-    from pipeline.run import run_sweep
-    from pipeline.sweep import load_sweep
+    from pipeline.run.driver import run_sweep
+    from pipeline.run.executors.local import LocalExecutor
+    from pipeline.schema.sweep import load_sweep
 
     declared = load_sweep(sweep)
     try:

@@ -15,7 +15,7 @@ from pipeline.commands.scene import open_scene
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker
     from pipeline.references.cache import StoredReference
-    from pipeline.verify import Trial, Verification
+    from pipeline.studies.verify import Trial, Verification
     from scenes import SceneDescription
 
 AT_LEAST = 1024  # samples a pixel of a reference
@@ -58,10 +58,10 @@ def verify(
       penumbra verify touching-light --estimator area -D gap=0.001 --reference closed-form --json
     """
     from pipeline.commands.console import Speaker
-    from pipeline.verify import Trial, region_masks
-    from pipeline.verify import verify as run
+    from pipeline.studies.verify import Trial, region_masks
+    from pipeline.studies.verify import verify as run
     from renderer import build
-    from renderer.estimators.protocol import ESTIMATORS
+    from renderer.interfaces.estimator import ESTIMATORS
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
@@ -90,7 +90,7 @@ def _reference(
     from pipeline.references.cache import reference_for
     from pipeline.references.protocol import ReferenceRequest
     from pipeline.self_reference import judges_itself
-    from renderer.estimators.protocol import ESTIMATORS
+    from renderer.interfaces.estimator import ESTIMATORS
     from scenes.errors import PenumbraError
 
     why = judges_itself(BACKENDS[backend].name, trial.estimator)

@@ -12,9 +12,9 @@ from pipeline.commands.options import AsJson, Quiet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pipeline.penumbra_width import Width
-    from pipeline.record import Job
-    from pipeline.store import FinishedCell
+    from pipeline.schema.record import Job
+    from pipeline.store.run_folder import FinishedCell
+    from pipeline.studies.penumbra_width import Width
 
 Setting = tuple[str, str, str, int]  # the scene with its parameters, estimator, sampler, samples a pixel
 FEW = 5.0  # pixels: what is narrower is measured too wide, by any image
@@ -35,7 +35,7 @@ def width(
       penumbra run penumbra --out runs/penumbra && penumbra width runs/penumbra
     """
     from pipeline.commands.console import Speaker
-    from pipeline.store import load_run
+    from pipeline.store.run_folder import load_run
     from scenes.errors import PenumbraError
 
     speaker = Speaker(as_json=as_json, quiet=quiet)
@@ -86,10 +86,10 @@ def _row(root: Path, setting: Setting, cells: Sequence[FinishedCell]) -> dict[st
 
 def _width(root: Path, cell: FinishedCell, image: str) -> Width:
     """The width in one image of the run; PenumbraError where the scene is another now, or is no straight edge."""
-    from pipeline.penumbra_width import width_of
+    from pipeline.studies.penumbra_width import width_of
     from scenes import load
     from scenes.errors import PenumbraError, SceneError
-    from scenes.images import read_rgb
+    from scenes.images.exr import read_rgb
 
     job = cell.entry.job
     scene = load(job.scene, job.parameters)

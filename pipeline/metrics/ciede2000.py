@@ -8,12 +8,12 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.spread import scale_interval, standard_error
-from pipeline.metrics.squared_error import BELOW_NOISE, NOISE_SHARE
-from pipeline.metrics.tone import displayed, exposure, shown_noise
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.spread import scale_interval, standard_error
+from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE
+from pipeline.scoring.tone import displayed, exposure, shown_noise
+from pipeline.scoring.undefined import defect, undefined
 
 
 @final

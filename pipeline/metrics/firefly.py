@@ -6,11 +6,11 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.spread import scale_interval, standard_error
-from pipeline.metrics.tone import luminance
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.spread import scale_interval, standard_error
+from pipeline.scoring.tone import luminance
+from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.numerics import box_maximum
 
 FACTOR = 2.0  # how many times the brightest luminance nearby is still no firefly

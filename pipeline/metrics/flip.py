@@ -12,11 +12,11 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.flip_library import error_map
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.tone import lit_luminance
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.flip_library import error_map
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.tone import lit_luminance
+from pipeline.scoring.undefined import defect, undefined
 
 WHITE = 0.85  # what the tone mapper is to give at the ends of the range of exposures
 ACES = (0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0, 0.6 * 0.6 * 2.43, 0.6 * 0.59, 0.14)  # (a x^2 + b x + c) / (d x^2 + e x + f)

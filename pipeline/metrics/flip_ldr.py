@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import final
 
 from pipeline.metrics.flip import map_mean
-from pipeline.metrics.flip_library import error_map
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Measured, Reference
-from pipeline.metrics.tone import displayed, exposure
-from pipeline.metrics.undefined import defect, undefined
+from pipeline.scoring.flip_library import error_map
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.scoring.tone import displayed, exposure
+from pipeline.scoring.undefined import defect, undefined
 
 
 @final

@@ -6,9 +6,9 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.undefined import same_size, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.undefined import same_size, undefined
 from pipeline.statistics.heavy_tail import SHARE_LIMIT
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import final
 
-from pipeline.metrics.absolute_error import absolute_score
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.scoring.absolute_error import absolute_score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Measured, Reference
 
 
 @final

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import final
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Measured, Reference
-from pipeline.metrics.squared_error import weighted_score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.scoring.squared_error import weighted_score
 
 FLOOR = 0.01  # squared radiance; keeps a pixel in the umbra from counting without limit, and lets it count
 

@@ -6,8 +6,8 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Measured, Reference
-from pipeline.metrics.squared_error import weighted_score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.scoring.squared_error import weighted_score
 
 FLOOR = 0.01  # squared radiance
 

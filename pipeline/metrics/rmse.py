@@ -7,10 +7,10 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.squared_error import squared_error, to_score
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.squared_error import squared_error, to_score
+from pipeline.scoring.undefined import defect, undefined
 
 
 @final

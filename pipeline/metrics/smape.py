@@ -6,9 +6,9 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.absolute_error import absolute_score
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Measured, Reference
-from pipeline.metrics.undefined import same_size
+from pipeline.scoring.absolute_error import absolute_score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.scoring.undefined import same_size
 
 FLOOR = 0.01  # radiance
 

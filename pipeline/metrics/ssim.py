@@ -8,10 +8,10 @@ from typing import final
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.tone import displayed, exposure
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.tone import displayed, exposure
+from pipeline.scoring.undefined import defect, undefined
 
 WINDOW = 11  # pixels; a gaussian of standard deviation 1.5, cut at 3.5 of them
 BORDER = (WINDOW - 1) // 2

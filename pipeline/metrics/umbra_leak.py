@@ -6,10 +6,10 @@ from typing import final
 
 import numpy as np
 
-from pipeline.metrics.protocol import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
-from pipeline.metrics.spread import scale_interval, standard_error
-from pipeline.metrics.undefined import defect, undefined
-from pipeline.record import Score
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.spread import scale_interval, standard_error
+from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.numerics import box_maximum
 
 
@@ -18,7 +18,7 @@ class UmbraLeak:
     """Sum of |estimate| over the pixels in the umbra, over the sum of the reference over the whole image: 0 for a correct shadow test.
 
     Every sample in the umbra is blocked, so that any light there is an error of the renderer (an epsilon, a light that shines
-    through what it touches), and no noise. The umbra is that of the visibility pass (pipeline/regions.py) where the reference is black too; without one,
+    through what it touches), and no noise. The umbra is that of the visibility pass (pipeline/studies/regions.py) where the reference is black too; without one,
     the pixels that are black in the reference, as are all their neighbours, and whose variance is 0.
     """
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.references.accumulator import Tally, empty_tally, precision
 from pipeline.references.protocol import Continuation, Progress, ReferenceImage, ReferenceRequest
-from pipeline.references.tally import Tally, empty_tally, precision
 from scenes.description import Film
 from scenes.errors import PenumbraError
 

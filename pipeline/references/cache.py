@@ -4,7 +4,7 @@
     <key>.unfinished                                                 batches of one that was interrupted, checksum first
 
 How many samples are wanted is no part of the key: who asks for more adds batches to those that are there. A folder is written
-aside and sealed with checksums (see `pipeline.entries`), and what is in <key>.unfinished is removed only after that, so that a
+aside and sealed with checksums (see `pipeline.store.sealed_folder`), and what is in <key>.unfinished is removed only after that, so that a
 process killed at any moment loses what it drew since it last saved, about a second's work, and nothing else. Of two processes that
 want the same reference one waits for the other.
 """
@@ -26,9 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.entries import SEAL, Writer, damage, sealed, write_entry
-from pipeline.machine import machine
-from pipeline.record import ReferenceInfo
+from pipeline.references.accumulator import Tally
 from pipeline.references.batches import met, to_tally
 from pipeline.references.protocol import (
     BACKENDS,
@@ -39,11 +37,13 @@ from pipeline.references.protocol import (
     ReferenceRequest,
     refusal,
 )
-from pipeline.references.tally import Tally
 from pipeline.references.unfinished import Unfinished, from_npz, to_npz
+from pipeline.schema.record import ReferenceInfo
+from pipeline.store.machine import machine
+from pipeline.store.sealed_folder import SEAL, Writer, damage, sealed, write_entry
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
-from scenes.images import write_estimate_exr
+from scenes.images.exr import write_estimate_exr
 
 log = logging.getLogger("penumbra")
 

@@ -9,7 +9,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.references.tally import Tally
+from pipeline.references.accumulator import Tally
 from scenes.description import SceneDescription
 from scenes.errors import PenumbraError
 from scenes.registry import Registry
@@ -86,7 +86,7 @@ class ReferenceBackend(Protocol):
         ...
 
 
-BACKENDS: Registry[ReferenceBackend] = Registry("reference backend", "pipeline.references")
+BACKENDS: Registry[ReferenceBackend] = Registry("reference backend", "pipeline.references.backends")
 
 
 def unlit(scene: SceneDescription) -> str | None:

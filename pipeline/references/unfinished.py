@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.references.tally import Tally
+from pipeline.references.accumulator import Tally
 from scenes.description import Film
 from scenes.errors import PenumbraError
 

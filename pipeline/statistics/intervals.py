@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.record import Score
+from pipeline.schema.record import Score
 from pipeline.statistics.numerics import bootstrap_ends, normal_tail, student_tail
 
 Array = NDArray[np.float64]

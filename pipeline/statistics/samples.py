@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.record import SampleStatistics, Verdict
+from pipeline.schema.record import SampleStatistics, Verdict
 from pipeline.statistics.heavy_tail import SHARE_LIMIT, TailIndex, largest_share, tail_index
 
 Array = NDArray[np.float64]

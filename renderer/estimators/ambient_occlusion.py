@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.arrays import Floats
 from renderer.build import RenderScene
 from renderer.estimators.direction_sampling import cosine
-from renderer.estimators.protocol import ESTIMATORS, OCCLUSION, Reflected
-from renderer.estimators.visibility import Seen, hidden
-from renderer.plan import RenderPlan
+from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION, Reflected
+from renderer.math.vectors import Floats
+from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
+from renderer.shading.visibility import Seen, hidden
 from scenes.description import SceneDescription
 
 

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.arrays import Floats, dot
 from renderer.build import RenderScene
-from renderer.estimators.lighting import chance, choose_light, sample_light, samplers, sources_of
 from renderer.estimators.mis import BEST
-from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Reflected
-from renderer.estimators.scattering import scatter
-from renderer.estimators.visibility import Seen, visible
-from renderer.plan import RenderPlan
+from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
+from renderer.math.vectors import Floats, dot
+from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
+from renderer.shading.bsdf import scatter
+from renderer.shading.lights import chance, choose_light, sample_light, samplers, sources_of
+from renderer.shading.visibility import Seen, visible
 from scenes.description import Diffuse, Environment, SceneDescription, ShapeDescription
 
 BLOCK = 8  # lights whose closed forms are worked out at once: bounds the temporaries

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.arrays import Floats, combine, dot, frame_about
 from renderer.build import RenderScene
-from renderer.estimators.lighting import light_along, pick, sample_light, samplers
-from renderer.estimators.protocol import RADIANCE, Reflected
-from renderer.estimators.scattering import scatter
-from renderer.estimators.visibility import Seen, visible
-from renderer.plan import RenderPlan
+from renderer.interfaces.estimator import RADIANCE, Reflected
+from renderer.math.vectors import Floats, combine, dot, frame_about
+from renderer.math.warp import cosine_hemisphere, uniform_hemisphere
+from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from renderer.warp import cosine_hemisphere, uniform_hemisphere
+from renderer.shading.bsdf import scatter
+from renderer.shading.lights import light_along, pick, sample_light, samplers
+from renderer.shading.visibility import Seen, visible
 from scenes.description import SceneDescription
 
 # (scene, hit, u (2, n)) -> wi (3, n), pdf (n,) in 1/sr

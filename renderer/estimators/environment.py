@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from renderer.arrays import Floats
 from renderer.build import RenderScene
 from renderer.estimators.light_sampling import by_light
 from renderer.estimators.mis import BEST
-from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Reflected
-from renderer.plan import RenderPlan
+from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
+from renderer.math.vectors import Floats
+from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from scenes.description import Environment, SceneDescription
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.arrays import Floats, dot
 from renderer.build import RenderScene
-from renderer.estimators.lighting import chance, choose_light, sample_light, samplers, without
-from renderer.estimators.protocol import RADIANCE, Reflected
-from renderer.estimators.scattering import scatter
-from renderer.estimators.visibility import Seen, visible
-from renderer.plan import RenderPlan
+from renderer.interfaces.estimator import RADIANCE, Reflected
+from renderer.math.vectors import Floats, dot
+from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
+from renderer.shading.bsdf import scatter
+from renderer.shading.lights import chance, choose_light, sample_light, samplers, without
+from renderer.shading.visibility import Seen, visible
 from scenes.description import SceneDescription
 
 

@@ -11,9 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.arrays import Floats, dot
 from renderer.build import RenderScene
-from renderer.estimators.lighting import (
+from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
+from renderer.interfaces.light import DirectionSampler
+from renderer.math.vectors import Floats, dot
+from renderer.plan.plan import RenderPlan
+from renderer.records import SurfaceHit
+from renderer.shading.bsdf import material_pdf, sample_material, scatter
+from renderer.shading.lights import (
     chance,
     choose_light,
     light_along,
@@ -21,12 +26,7 @@ from renderer.estimators.lighting import (
     sample_light,
     samplers,
 )
-from renderer.estimators.protocol import ESTIMATORS, RADIANCE, Reflected
-from renderer.estimators.scattering import material_pdf, sample_material, scatter
-from renderer.estimators.visibility import Seen, visible
-from renderer.lights.protocol import DirectionSampler
-from renderer.plan import RenderPlan
-from renderer.records import SurfaceHit
+from renderer.shading.visibility import Seen, visible
 from scenes.description import Environment, SceneDescription
 
 # Lights are sampled by the first of these that they have: bounded weights before unbounded ones.

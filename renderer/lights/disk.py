@@ -13,8 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, dot, frame_about, gather, normalize
-from renderer.lights.protocol import (
+from renderer.interfaces.light import (
     LIGHTS,
     AreaSampling,
     DirectionSampler,
@@ -26,10 +25,11 @@ from renderer.lights.protocol import (
     geometries,
     receivers,
 )
+from renderer.math.vectors import Floats, combine, dot, frame_about, gather, normalize
+from renderer.math.warp import concentric_disk
 from renderer.records import LightSample
 from renderer.spherical.disk import DiskView, disk_view, sample, solid_angle
 from renderer.spherical.disk_irradiance import disk_irradiance
-from renderer.warp import concentric_disk
 from scenes.description import Diffuse, Disk, Emission, ShapeDescription
 
 

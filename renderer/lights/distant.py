@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, gather
-from renderer.lights.delta import delta_irradiance, delta_missing, every_technique, light_values, unit_vector
-from renderer.lights.protocol import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.light_sampling.delta import delta_irradiance, delta_missing, every_technique, light_values, unit_vector
+from renderer.math.vectors import Floats, gather
 from scenes.description import DistantLight
 
 

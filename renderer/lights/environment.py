@@ -20,12 +20,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, dot, gather
-from renderer.lights.protocol import LIGHTS, DirectionSampler, Index, LightExample, Source
-from renderer.piecewise import PiecewiseConstant2D
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source
+from renderer.math.piecewise import PiecewiseConstant2D
+from renderer.math.vectors import Floats, combine, dot, gather
+from renderer.math.warp import uniform_hemisphere, uniform_sphere
 from renderer.records import LightSample
 from renderer.spherical.grid import SphereGrid
-from renderer.warp import uniform_hemisphere, uniform_sphere
 from scenes.description import Environment
 from scenes.errors import SceneError
 

@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, gather
-from renderer.lights.delta import (
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.light_sampling.delta import (
     delta_irradiance,
     delta_missing,
     every_technique,
@@ -19,7 +19,7 @@ from renderer.lights.delta import (
     light_values,
     towards,
 )
-from renderer.lights.protocol import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.math.vectors import Floats, gather
 from scenes.description import PointLight
 
 

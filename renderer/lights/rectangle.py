@@ -9,9 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, cross, dot, gather, normalize
-from renderer.lights.polygon import ProjectedSolidAngle, irradiance
-from renderer.lights.protocol import (
+from renderer.interfaces.light import (
     LIGHTS,
     AreaSampling,
     DirectionSampler,
@@ -23,6 +21,8 @@ from renderer.lights.protocol import (
     receivers,
     shares,
 )
+from renderer.light_sampling.polygon import ProjectedSolidAngle, irradiance
+from renderer.math.vectors import Floats, combine, cross, dot, gather, normalize
 from renderer.records import LightSample
 from renderer.spherical.rectangle import invert, solid_angle
 from scenes.description import BilinearMesh, Diffuse, Emission, ShapeDescription

@@ -14,8 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, dot, frame_about, gather
-from renderer.lights.protocol import (
+from renderer.interfaces.light import (
     LIGHTS,
     AreaSampling,
     DirectionSampler,
@@ -27,9 +26,10 @@ from renderer.lights.protocol import (
     geometries,
     receivers,
 )
+from renderer.math.vectors import Floats, combine, dot, frame_about, gather
+from renderer.math.warp import uniform_sphere
 from renderer.records import LightSample
 from renderer.spherical.disk_irradiance import sphere_irradiance
-from renderer.warp import uniform_sphere
 from scenes.description import Diffuse, Emission, ShapeDescription, Sphere
 
 

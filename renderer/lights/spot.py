@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, dot, gather
-from renderer.lights.delta import (
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.light_sampling.delta import (
     delta_irradiance,
     delta_missing,
     every_technique,
@@ -24,7 +24,7 @@ from renderer.lights.delta import (
     towards,
     unit_vector,
 )
-from renderer.lights.protocol import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.math.vectors import Floats, dot, gather
 from scenes.description import SpotLight
 from scenes.errors import SceneError
 

@@ -12,9 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, cross, dot, gather, normalize
-from renderer.lights.polygon import ProjectedSolidAngle, irradiance
-from renderer.lights.protocol import (
+from renderer.interfaces.light import (
     LIGHTS,
     AreaSampling,
     DirectionSampler,
@@ -25,9 +23,11 @@ from renderer.lights.protocol import (
     emits_as,
     shares,
 )
+from renderer.light_sampling.polygon import ProjectedSolidAngle, irradiance
+from renderer.math.vectors import Floats, cross, dot, gather, normalize
+from renderer.math.warp import uniform_triangle
 from renderer.records import LightSample
 from renderer.spherical.triangle import sample, solid_angle
-from renderer.warp import uniform_triangle
 from scenes.description import Diffuse, Emission, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
 

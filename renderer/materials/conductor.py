@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, dot, frame_about, gather
-from renderer.materials.protocol import MATERIALS, MaterialExample
+from renderer.interfaces.material import MATERIALS, MaterialExample
+from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.records import SurfaceHit
 from scenes.description import Conductor, ShapeDescription, Sphere
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, dot, frame_about, gather
-from renderer.materials.protocol import MATERIALS, MaterialExample
+from renderer.interfaces.material import MATERIALS, MaterialExample
+from renderer.math.vectors import Floats, combine, dot, frame_about, gather
+from renderer.math.warp import cosine_hemisphere
 from renderer.records import SurfaceHit
 from renderer.textures import brightest, evaluate
-from renderer.warp import cosine_hemisphere
 from scenes.description import Diffuse, ShapeDescription, Sphere, Texture
 
 

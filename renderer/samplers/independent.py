@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from renderer.arrays import Floats
-from renderer.samplers.protocol import GOLDEN, SAMPLERS, Integers, key, mix
+from renderer.interfaces.sampler import GOLDEN, SAMPLERS, Integers, key, mix
+from renderer.math.vectors import Floats
 
 SAMPLE_STRIDE = np.uint64(0xD1B54A32D192ED03)  # odd, so that distinct samples have distinct counters
 

@@ -16,8 +16,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
-from renderer.samplers.protocol import GOLDEN, SAMPLERS, Integers, UInt64, key, mix
+from renderer.interfaces.sampler import GOLDEN, SAMPLERS, Integers, UInt64, key, mix
+from renderer.math.vectors import Floats
 
 BITS = 32
 UInt32 = NDArray[np.uint32]

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 from renderer.spherical.elliptic import complete, symmetric
 
 # The search stops at steps in asinh(T) below this; Halley's error is then its cube, 1e-11 of the share of u.

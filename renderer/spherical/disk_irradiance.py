@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 from renderer.spherical.disk import DiskView
 
 # Where the contour hands over to the cubature: the tangent of the major half-angle times the half-width of the visible

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 # Steps of the arithmetic-geometric mean: seven leave a ratio of 2e-8, met 1e-16 radii from a disk's rim, at 1 - 1e-13.
 MEANS = 8

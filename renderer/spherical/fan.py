@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 from renderer.spherical.polygon import Polygon
 from renderer.spherical.sectors import NARROW, Sectors
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
-from renderer.piecewise import BELOW_ONE, Integers, Place
+from renderer.math.piecewise import BELOW_ONE, Integers, Place
+from renderer.math.vectors import Floats
 from renderer.spherical import latlong, octahedral
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 Integers = NDArray[np.integer]
 

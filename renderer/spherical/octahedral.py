@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 
 def square_to_sphere(u: Floats) -> Floats:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, cross, dot, frame_about
+from renderer.math.vectors import Floats, cross, dot, frame_about
 
 Frame = tuple[Floats, Floats, Floats]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, combine, cross, dot
+from renderer.math.vectors import Floats, combine, cross, dot
 from renderer.spherical.fan import Table, table
 from renderer.spherical.polygon import Polygon, seen_from
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 # Where the closed form only starts a search: |x| / |z| beyond which it loses 1e-10, and the sr below which it loses 1e-8.
 GRAZING, SMALL = 30.0, 1e-8

@@ -27,7 +27,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats
+from renderer.math.vectors import Floats
 
 NARROW, STEPS = 0.1, 60
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.arrays import Floats, cross, dot
+from renderer.math.vectors import Floats, cross, dot
 
 Bools = NDArray[np.bool_]
 OPPOSITE = 1e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.ladder import LIGHTS, RUNGS, Rung, climb
+from pipeline.studies.ladder import LIGHTS, RUNGS, Rung, climb
 from scenes.errors import PenumbraError
 
 SAMPLES = 2**15

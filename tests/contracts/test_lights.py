@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from renderer.arrays import dot, frame_about, normalize
-from renderer.lights.protocol import LIGHTS, DirectionSampler, LightExample
+from renderer.interfaces.light import LIGHTS, DirectionSampler, LightExample
+from renderer.math.vectors import dot, frame_about, normalize
 from scenes.description import ShapeDescription
 
 CASES = [

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from renderer.arrays import dot, frame_about, normalize
-from renderer.materials.protocol import MATERIALS, MaterialKind
+from renderer.interfaces.material import MATERIALS, MaterialKind
+from renderer.math.vectors import dot, frame_about, normalize
 from renderer.records import SurfaceHit
 from scenes.description import Conductor, Diffuse, ShapeDescription
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.metrics.protocol import METRICS, Estimate, Image, Mask, Metric, Reference
-from pipeline.scoring import score
+from pipeline.scoring.metric import METRICS, Estimate, Image, Mask, Metric, Reference
+from pipeline.scoring.scores import score
 from scenes.errors import PenumbraError
 
 HEIGHT, WIDTH = 24, 32

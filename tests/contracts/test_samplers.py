@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from renderer.samplers.protocol import SAMPLERS
+from renderer.interfaces.sampler import SAMPLERS
 from renderer.samplers.stratified import permute
 
 NAMES = SAMPLERS.names()

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from pipeline.backends import BACKENDS
-from pipeline.cells import lay_out, quantity_of
-from pipeline.record import Job, ReferenceInfo
-from pipeline.references.closed_form import ClosedFormBackend
-from pipeline.references.mitsuba import MitsubaBackend
+from pipeline.references.backends.closed_form import ClosedFormBackend
+from pipeline.references.backends.mitsuba import MitsubaBackend
 from pipeline.references.protocol import ReferenceImage, ReferenceRequest
+from pipeline.run.grid import lay_out, quantity_of
+from pipeline.run.worker import ScoreTask, score_cell
+from pipeline.schema.record import Job, ReferenceInfo
+from pipeline.schema.sweep import parse_sweep
 from pipeline.self_reference import SelfBackend, batch_seed, judges_itself
 from pipeline.statistics.welch import Moments, compare_images
-from pipeline.sweep import parse_sweep
-from pipeline.worker import ScoreTask, score_cell
 from renderer import fingerprint
 from scenes.description import SceneDescription, Sphere
 from scenes.errors import PenumbraError
-from tests.references.closed_form_scenes import LIGHTS, lit_by
-from tests.references.mitsuba_scenes import floor, look_at, scene, shape, vector
+from tests.kit.closed_form_scenes import LIGHTS, lit_by
+from tests.kit.mitsuba_scenes import floor, look_at, scene, shape, vector
 
 SWEEP = """
 title = "own"

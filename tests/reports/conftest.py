@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from reports import write_report
-from tests.reports.small_run import write_run
+from tests.kit.small_run import write_run
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.images import write_exr
+from scenes.images.exr import write_exr
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""A scene from outside, and what an estimator tries at one pixel."""

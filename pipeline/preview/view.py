@@ -1,0 +1,212 @@
+"""Where to look at a scene from, so that its camera, its lights and what it sees are in the picture; no drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.preview.samples import Tried
+from renderer import RenderScene, render
+from renderer.camera import Camera
+from scenes.description import BilinearMesh, Disk, PointLight, ShapeDescription, Sphere, SpotLight, TriangleMesh
+
+Array = NDArray[np.float64]
+
+ANGLE = 34.0  # degrees, of the view's height
+TURN, RISE = 55.0, 24.0  # degrees: how far the view stands aside from the camera's own line, and above the ground
+GRID = 24  # rays across the image that find out what is in view
+IMAGE = 160  # pixels, the longer side of the image on the camera's screen
+FAR = 1.6  # times the middle distance of what is in view: a floor's horizon beyond that is not framed
+LABELS = 6  # lights at most that are named
+SCREEN = 0.22  # of the extent: how far before the camera its screen stands
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """position, target: (3,) of the view. angle: degrees, its height. extent: world units, the size of what is shown.
+
+    eye: (3,). screen: (h + 1, w + 1, 3), corners of the pixels of `image` (h, w, 3) uint8. seen: (3,), what the camera sees in the pixel. labels: places
+    and words. veiled: shapes that would hide what there is to see.
+    """
+
+    position: Array
+    target: Array
+    angle: float
+    extent: float
+    eye: Array
+    screen: Array
+    image: NDArray[np.uint8]
+    seen: Array | None
+    labels: tuple[tuple[Array, str], ...]
+    veiled: frozenset[int]
+
+    def mirrored(self, by: Array) -> View:
+        """Every place multiplied by `by` (3,)."""
+        return replace(
+            self,
+            position=self.position * by,
+            target=self.target * by,
+            eye=self.eye * by,
+            screen=self.screen * by,
+            seen=None if self.seen is None else self.seen * by,
+            labels=tuple((place * by, text) for place, text in self.labels),
+        )
+
+
+def extent_of(scene: RenderScene) -> tuple[Array, Array]:
+    """Lowest and highest corner, (3,) each, of what is in view, the camera and the lights that have a place."""
+    points = [in_view(scene), scene.camera.origin.T]
+    points += [light.position[None] for light in scene.description.lights if isinstance(light, PointLight | SpotLight)]
+    points += [_points(shape) for shape in scene.description.shapes if shape.emission is not None]
+    every = np.concatenate(points)
+    return every.min(axis=0), every.max(axis=0)
+
+
+def in_view(scene: RenderScene) -> Array:
+    """Points (m, 3) that rays across the image meet, without those that are many times farther than most."""
+    camera = scene.camera
+    x, y = (g.ravel() for g in np.meshgrid(*(np.linspace(0, n, GRID) for n in (camera.width, camera.height))))
+    d, t = first(scene, camera, x, y)
+    met = np.flatnonzero(np.isfinite(t))
+    if not met.size:
+        return camera.origin.T
+    distance = np.minimum(t[met], FAR * float(np.median(t[met])))
+    return (camera.origin + d[:, met] * distance).T
+
+
+def first(scene: RenderScene, camera: Camera, x: Array, y: Array) -> tuple[Array, Array]:
+    """Unit directions (3, n) through film points in pixels (n,), and how far it is to what they meet, inf for nothing."""
+    d = camera.corner + camera.du * x + camera.dv * y
+    d = d / np.sqrt((d * d).sum(axis=0))
+    return d, first_from(scene, camera.origin, d)
+
+
+def first_from(scene: RenderScene, origin: Array, d: Array) -> Array:
+    """How far it is from origin (3, 1) along d (3, n) to what is met first, inf for nothing."""
+    t, _ = scene.quadrics.closest(np.arange(len(scene.quadrics), dtype=np.int64), origin, d)
+    return t if scene.triangles is None else np.minimum(t, scene.triangles.closest(origin, d)[0])
+
+
+def look(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None, estimator: str) -> View:
+    """The view of a scene. pixel: (x, y) from the top left, or None."""
+    low, high = extent_of(scene)
+    extent = float(np.linalg.norm(high - low))
+    target = (low + high) / 2
+    position = _position(scene, target, extent)
+    seen = _seen(scene, pixel, tried)
+    screen, image = _screen(scene, extent, estimator)
+    return View(
+        position=position,
+        target=target,
+        angle=ANGLE,
+        extent=extent,
+        eye=scene.camera.origin[:, 0],
+        screen=screen,
+        image=image,
+        seen=seen,
+        labels=(*_labels(scene), *(() if seen is None or pixel is None else ((seen, f"pixel {pixel[0]},{pixel[1]}"),))),
+        veiled=_veiled(scene, position, seen, tried, screen),
+    )
+
+
+def _position(scene: RenderScene, target: Array, extent: float) -> Array:
+    """From the side of the camera, turned about the vertical so that its view runs across the picture."""
+    camera = scene.camera
+    forward = camera.corner + camera.du * (camera.width / 2) + camera.dv * (camera.height / 2)
+    back = -forward[:, 0]
+    heading = np.arctan2(back[2], back[0]) + np.radians(TURN)
+    rise = np.radians(RISE)
+    away = np.array([np.cos(heading) * np.cos(rise), np.sin(rise), np.sin(heading) * np.cos(rise)])
+    return target + away * (0.46 * extent / np.tan(np.radians(ANGLE / 2)))
+
+
+def _seen(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None) -> Array | None:
+    """The middle of the points that samples start from, or what the middle of the pixel sees."""
+    if tried is not None and len(tried.start):
+        return np.median(tried.start, axis=0)
+    if pixel is None:
+        return None
+    d, t = first(scene, scene.camera, np.array([pixel[0] + 0.5]), np.array([pixel[1] + 0.5]))
+    return (scene.camera.origin + d * t).T[0] if np.isfinite(t[0]) else None
+
+
+def _screen(scene: RenderScene, extent: float, estimator: str) -> tuple[Array, NDArray[np.uint8]]:
+    """The image that the camera sees, small, and where it stands."""
+    camera = scene.camera
+    step = max(camera.width, camera.height) / min(IMAGE, max(camera.width, camera.height))
+    width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
+    du, dv = camera.du * (camera.width / width), camera.dv * (camera.height / height)
+    small = replace(camera, du=du, dv=dv, width=width, height=height)
+    image = render(replace(scene, camera=small), estimator=estimator, spp=4).image
+    y, x = np.meshgrid(np.arange(height + 1), np.arange(width + 1), indexing="ij")
+    plane = camera.corner[:, 0] + x[..., None] * du[:, 0] + y[..., None] * dv[:, 0]
+    return camera.origin[:, 0] + plane * (SCREEN * extent), _shown(image)
+
+
+def _shown(image: Array) -> NDArray[np.uint8]:
+    """Linear radiance as 8-bit sRGB, by a power of 1/2.2: a picture in the picture, to find one's way by."""
+    return np.rint(255 * np.clip(image, 0.0, 1.0) ** (1 / 2.2)).astype(np.uint8)
+
+
+def _labels(scene: RenderScene) -> list[tuple[Array, str]]:
+    """Camera and lights; an environment and a light at infinity are told by the title."""
+    labels = [(scene.camera.origin[:, 0], "camera")]
+    for source, name in zip(scene.sources.all, scene.sources.names, strict=True):
+        if isinstance(source, ShapeDescription):
+            labels.append((_points(source).mean(axis=0), f"light: {name}"))
+        elif isinstance(source, PointLight | SpotLight):
+            labels.append((source.position, f"light: {name}"))
+    return labels if len(labels) <= LABELS + 1 else [labels[0]]
+
+
+def _points(shape: ShapeDescription) -> Array:
+    """Points (m, 3) whose box holds the shape."""
+    geometry = shape.geometry
+    if isinstance(geometry, TriangleMesh | BilinearMesh):
+        return geometry.vertices
+    assert isinstance(geometry, Sphere | Disk)
+    return geometry.center + geometry.radius * np.array([[-1.0, -1, -1], [1, 1, 1]])
+
+
+def _veiled(
+    scene: RenderScene, position: Array, seen: Array | None, tried: Tried | None, screen: Array
+) -> frozenset[int]:
+    """The shapes before what there is to see: the camera, its screen, the pixel's point, the ends of samples."""
+    goals = [scene.camera.origin.T, screen[:: max(1, len(screen) - 1), :: max(1, screen.shape[1] - 1)].reshape(-1, 3)]
+    if seen is not None:
+        goals.append(seen[None])
+    if tried is not None:
+        goals += [tried.start + share * (tried.end - tried.start) for share in (0.5, 0.97)]
+    way = np.concatenate(goals).T - position[:, None]
+    far = np.sqrt((way * way).sum(axis=0))
+    hidden = np.zeros(0, dtype=np.int64)
+    origin, d = np.repeat(position[:, None], far.size, axis=1), way / far
+    found: set[int] = set()
+    left = far * (1 - 1e-3)
+    for _ in range(4):  # through four surfaces at most
+        t, shape = _shape_along(scene, origin, d)
+        hidden = np.flatnonzero(t < left)
+        if not hidden.size:
+            break
+        found |= set(shape[hidden].tolist())
+        origin, d, left = (
+            (origin + d * (t * (1 + 1e-6)))[:, hidden],
+            d[:, hidden],
+            (left - t)[hidden],
+        )
+    return frozenset(found)
+
+
+def _shape_along(scene: RenderScene, origin: Array, d: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Distance (n,) to what rays from origin (3, n) along d (3, n) meet, and the shape, -1 for nothing."""
+    everyone = np.arange(len(scene.quadrics), dtype=np.int64)
+    t, quadric = scene.quadrics.closest(everyone, origin, d)
+    shape = np.where(quadric >= 0, scene.quadrics.shape.take(quadric, mode="clip"), -1) if everyone.size else quadric
+    if scene.triangles is None:
+        return t, shape
+    none = np.full(t.size, -1, dtype=np.int64)
+    near, triangle = scene.triangles.closest_from(origin, -d, none, d)
+    nearer = near < t
+    return np.where(nearer, near, t), np.where(nearer, scene.triangles.shape[triangle], shape)

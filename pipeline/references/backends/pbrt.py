@@ -1,0 +1,220 @@
+"""pbrt-v4 as a reference: the user's own binary, run on the exported scene, in a process of its own for every batch.
+
+pbrt multiplies spectra where we multiply RGB: gray reflectances under coloured light agree to 0.1 %, saturated ones do not
+(albedo .8 .3 .1 under light 20 15 10 reads .955, .995, .806 of the product). Gray scenes agree exactly, so that a scene that
+is not gray is rendered once for each channel, every colour in it being that channel's value.
+
+`--seed` is silently ignored where the file names a seed: what is exported here names none.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.references.ambient import bare_scene
+from pipeline.references.batches import Batches, accumulate, to_image
+from pipeline.references.pbrt.channels import gray_scenes
+from pipeline.references.protocol import (
+    BACKENDS,
+    Continuation,
+    Image,
+    Progress,
+    Quantity,
+    ReferenceImage,
+    ReferenceRequest,
+    require,
+    unlit,
+)
+from pipeline.store.sources import digest
+from scenes.description import Environment, RenderDefaults, SceneDescription
+from scenes.errors import PenumbraError
+from scenes.images.exr import read_rgb, write_exr
+from scenes.pbrt.write.scene import ExportedScene, export
+
+VARIABLE = "PENUMBRA_PBRT"
+SPP_A_BATCH = 4096
+SCENE, IMAGE, SAID = "scene.pbrt", "image.exr", "said.txt"
+LINES = 4  # of what a failed pbrt said
+HOUR = 3600.0
+
+
+class PbrtBackend:
+    """pbrt-v4's `path` with maxdepth 1, or its `ambientocclusion`, by the binary `pbrt` on PATH or the one named in PENUMBRA_PBRT."""
+
+    name = "pbrt"
+
+    def __init__(self, timeout: float = HOUR) -> None:
+        self.timeout = timeout  # seconds, after which one run of pbrt is given up
+
+    def version(self) -> str:
+        """The binary's content, and a hash of the code that exports scenes to it and reads its images; PenumbraError where there is no binary."""
+        binary = _binary()
+        stat = binary.stat()
+        return f"pbrt-v4 {_fingerprint(binary, stat.st_mtime_ns, stat.st_size)} {digest(Path(__file__))}"
+
+    def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
+        """That there is no pbrt here, no lights, or no pbrt text for the scene."""
+        if quantity == "radiance" and (why := unlit(scene)):
+            return why
+        try:
+            _binary()
+            for one in passes(scene, quantity):
+                exported(one, quantity)
+        except PenumbraError as error:
+            return str(error)
+        return None
+
+    def render(
+        self,
+        scene: SceneDescription,
+        request: ReferenceRequest,
+        progress: Progress | None = None,
+        continuation: Continuation | None = None,
+    ) -> ReferenceImage:
+        """Render at least what `request` asks for; PenumbraError with what pbrt said if it fails, or with why it is refused."""
+        require(self, scene, request.quantity)
+        binary = _binary()
+        grays = passes(scene, request.quantity)
+
+        def draw(wanted: Batches) -> Generator[Image]:
+            with tempfile.TemporaryDirectory(prefix="penumbra-pbrt-") as name:
+                folders = [_prepare(Path(name) / str(c), gray, request.quantity) for c, gray in enumerate(grays)]
+                for number in range(wanted.first, wanted.first + wanted.count):
+                    planes = [
+                        _run(self, binary, folder, batch_seed(request.seed, number, c), wanted.spp, scene)
+                        for c, folder in enumerate(folders)
+                    ]
+                    yield np.stack(planes * (3 // len(planes)), axis=-1)
+
+        tally = accumulate(draw, scene.film, request, SPP_A_BATCH, continuation, progress)
+        provenance = {
+            "backend": self.name,
+            "version": self.version(),
+            "binary": str(binary),
+            "integrator": "path, maxdepth 1" if request.quantity == "radiance" else "ambientocclusion",
+            "colour": "gray scene, one pass" if len(grays) == 1 else "one pass in gray for each channel",
+            "seeds": f"batch k, pass c: SeedSequence([{request.seed}, k, c]), 31 bits",
+        }
+        return to_image(tally, provenance)
+
+
+def batch_seed(seed: int, number: int, channel: int) -> int:
+    """pbrt's seed, a positive int32, for pass `channel` of batch `number` of the series `seed`."""
+    return int(np.random.SeedSequence([seed, number, channel]).generate_state(1)[0] >> 1)
+
+
+def passes(scene: SceneDescription, quantity: Quantity) -> list[SceneDescription]:
+    """The scenes whose gray images are the channels of this one's; one where all channels are the same."""
+    if quantity == "ambient-occlusion":
+        return [bare_scene(scene)]
+    return gray_scenes(scene)
+
+
+def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
+    """The scene for pbrt, with an integrator for the quantity and without any seed; PenumbraError where there is none."""
+    if any(isinstance(light, Environment) and _is_ours(light) for light in scene.lights):
+        raise PenumbraError("its sky ends at a horizon or is laid out by latitude, and pbrt has no such light")
+    defaults = RenderDefaults(estimator=None if quantity == "radiance" else quantity)
+    made = export(replace(scene, defaults=defaults, film=replace(scene.film, filename="")), "scene")
+    return replace(made, text=_with(made.text, "Sampler", 'Sampler "independent"'))
+
+
+def _is_ours(light: Environment) -> bool:
+    return light.hemisphere or (light.image is not None and light.mapping != "equal-area")
+
+
+def _with(text: str, directive: str, line: str) -> str:
+    """The one `directive` of the text, on a line of its own, replaced."""
+    replaced, count = re.subn(rf"^{directive} .*$", lambda _: line, text, flags=re.MULTILINE)
+    if count != 1:
+        raise PenumbraError(f"the exported scene has {count} lines `{directive}` where one was expected")
+    return replaced
+
+
+def _binary() -> Path:
+    """pbrt; PenumbraError where it is missing or cannot be run."""
+    named = os.environ.get(VARIABLE)
+    if not named:
+        found = shutil.which("pbrt")
+        if found is None:
+            raise PenumbraError(f"there is no pbrt on PATH; put pbrt-v4 there or name its binary in {VARIABLE}")
+        return Path(found).resolve()
+    path = Path(named)
+    if not path.is_file():
+        raise PenumbraError(f"{VARIABLE} names {named}, and there is no such file")
+    if not os.access(path, os.X_OK):
+        raise PenumbraError(f"{VARIABLE} names {named}, which is not executable")
+    return path.resolve()
+
+
+@functools.lru_cache(maxsize=4)
+def _fingerprint(binary: Path, _modified: int, _size: int) -> str:
+    with binary.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+
+
+def _prepare(folder: Path, scene: SceneDescription, quantity: Quantity) -> Path:
+    folder.mkdir()
+    made = exported(scene, quantity)
+    (folder / SCENE).write_text(made.text, encoding="utf-8")
+    for name, image in made.images.items():
+        channels = ("R", "G", "B") if image.shape[2] == 3 else ("Y",)
+        write_exr(folder / name, {channel: image[..., i] for i, channel in enumerate(channels)})
+    return folder
+
+
+def _run(backend: PbrtBackend, binary: Path, folder: Path, seed: int, spp: int, scene: SceneDescription) -> Image:
+    """One gray image (h, w) by pbrt. What it says goes to a file: a pipe would wait for whatever it may have started."""
+    image = folder / IMAGE
+    image.unlink(missing_ok=True)
+    arguments = ["--quiet", "--seed", str(seed), "--spp", str(spp), "--outfile", IMAGE, SCENE]
+    with (folder / SAID).open("wb") as said:
+        try:
+            done = subprocess.run(
+                [str(binary), *arguments], cwd=folder, stdout=said, stderr=said, timeout=backend.timeout, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise PenumbraError(
+                f"pbrt gave no image in {backend.timeout:g} s and was stopped{_last(folder / SAID)}"
+            ) from error
+        except OSError as error:
+            raise PenumbraError(f"{binary} cannot be run: {error.strerror}") from error
+        if done.returncode != 0:
+            raise PenumbraError(f"pbrt failed with code {done.returncode}{_last(folder / SAID)}")
+        if not image.is_file():
+            raise PenumbraError(f"pbrt ended well and wrote no image{_last(folder / SAID)}")
+    return _read(image, scene)
+
+
+def _last(said: Path) -> str:
+    """The last lines of what pbrt said, after a colon."""
+    lines = said.read_text(errors="replace").splitlines()
+    kept = [line.strip() for line in lines if line.strip()][-LINES:]
+    return f": {' | '.join(kept)}" if kept else "; it said nothing"
+
+
+def _read(path: Path, scene: SceneDescription) -> Image:
+    """The mean of an image's channels, all three of which have the same expectation in a gray scene."""
+    try:
+        rgb = read_rgb(path)
+    except PenumbraError as error:
+        raise PenumbraError(f"pbrt's image cannot be read: {str(error).removeprefix(f'{path}: ')}") from error
+    expected = (scene.film.height, scene.film.width)
+    if rgb.shape[:2] != expected:
+        height, width = rgb.shape[:2]
+        raise PenumbraError(f"pbrt's image is {width} x {height} pixels, not {expected[1]} x {expected[0]}")
+    return rgb.mean(axis=-1)
+
+
+BACKENDS.add("pbrt", PbrtBackend())

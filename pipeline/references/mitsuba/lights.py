@@ -1,0 +1,104 @@
+"""Lights that are no shapes, for Mitsuba: points, spots, directions and environments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.references.mitsuba.environment import LatitudeLongitude, resampled
+from pipeline.references.mitsuba.shapes import Frame, affine, basis
+from pipeline.references.mitsuba.worker import Plugin
+from scenes.description import Array, DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.errors import SceneError
+
+WIDEST_CONE = 88.0  # degrees: a spot's falloff is an image on a plane before it
+FALLOFF_ERROR = 1e-4  # of full intensity, at most, by which the image's interpolation may miss the falloff
+MOST_FALLOFF = 4096  # texels along a side of that image
+# Mitsuba's own axes of an environment, in ours: its x is our y, its y our z, its z our -x.
+MITSUBA_AXES = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def lights(given: Sequence[Light], frame: Frame) -> tuple[list[Plugin], dict[str, str]]:
+    """The lights in normalised coordinates, and notes on how exact they are; SceneError where one has no counterpart.
+
+    Radiance and irradiance do not depend on the scale of a scene; intensity grows with its square.
+    """
+    plugins: list[Plugin] = []
+    for light in given:
+        match light:
+            case PointLight():
+                values = {"to_world": affine(np.eye(3), frame.points(light.position))}
+                plugins.append(Plugin("emitter", "point", values | {"intensity": light.intensity * frame.scale**2}))
+            case SpotLight():
+                plugins.append(_spot(light, frame))
+            case DistantLight():
+                values = {"to_world": affine(basis(-light.wi), np.zeros(3)), "irradiance": light.irradiance}
+                plugins.append(Plugin("emitter", "directional", values))
+            case Environment():
+                pass
+    surroundings, notes = _environment(tuple(one for one in given if isinstance(one, Environment)))
+    return [*plugins, *surroundings], notes
+
+
+def _environment(given: tuple[Environment, ...]) -> tuple[list[Plugin], dict[str, str]]:
+    """Mitsuba has one at most. Constants are added up as they are; anything else becomes one image."""
+    given = tuple(one for one in given if one.radiance.any() and (one.image is None or one.image.any()))
+    if not given:
+        return [], {}
+    if all(one.image is None and not one.hemisphere for one in given):
+        radiance = np.sum([one.radiance for one in given], axis=0)
+        return [Plugin("emitter", "constant", {"radiance": radiance})], {}
+    image = resampled(given)
+    values = {"bitmap": image.image, "to_world": affine(image.frame @ MITSUBA_AXES, np.zeros(3))}
+    return [Plugin("emitter", "envmap", values)], {"environment": _said(image)}
+
+
+def _said(image: LatitudeLongitude) -> str:
+    rows, columns = image.image.shape[:2]
+    return (
+        f"resampled to {columns} x {rows} in latitude and longitude: irradiance within {image.irradiance_error:.1e} of the largest, "
+        f"radiance within {image.mean_error:.1e} of the mean on average (all of it where texels meet)"
+    )
+
+
+def _spot(light: SpotLight, frame: Frame) -> Plugin:
+    """Mitsuba's own falloff is linear in the angle: pbrt's is laid over it as an image on the plane at distance 1."""
+    if light.cone > WIDEST_CONE:
+        raise SceneError(f"a spot's cone of {light.cone:g} degrees is beyond Mitsuba's ({WIDEST_CONE:g})", light.where)
+    values: dict[str, Array | float | Plugin] = {
+        "to_world": affine(basis(light.axis), frame.points(light.position)),
+        "intensity": light.intensity * frame.scale**2,
+        "cutoff_angle": light.cone,
+        "beam_width": light.cone,
+    }
+    if light.falloff_start < light.cone:
+        picture = {"bitmap": falloff(light), "raw": True, "format": "variant", "wrap_mode": "clamp"}
+        values["texture"] = Plugin("texture", "bitmap", picture)
+    return Plugin("emitter", "spot", values)
+
+
+def falloff(light: SpotLight) -> Array:
+    """pbrt's falloff over the square around the cone, (n, n, 1): as coarse as FALLOFF_ERROR allows, SceneError if that is too fine.
+
+    Linear interpolation errs by at most the second derivative times the squared step over 8; the steepest bend is along the radius.
+    """
+    radius = np.linspace(0.0, 1.0, 2**16 + 1)
+    bend = np.abs(np.diff(_falloff_at(light, radius), 2)).max() * 2.0**32
+    size = int(np.ceil(np.sqrt(bend / (8 * FALLOFF_ERROR)) * 2)) + 2  # a step is 2 / size of the radius
+    if size > MOST_FALLOFF:
+        raise SceneError(
+            f"a spot that falls off between {light.falloff_start:g} and {light.cone:g} degrees is too steep for Mitsuba: "
+            "start the falloff earlier, or at the cone itself",
+            light.where,
+        )
+    axis = (np.arange(size) + 0.5) / size * 2 - 1
+    return _falloff_at(light, np.hypot(axis[:, None], axis[None]))[..., None]
+
+
+def _falloff_at(light: SpotLight, radius: Array) -> Array:
+    """At distances from the axis in units of the cone's radius: the smoothstep of the cosine [pharr2023, 12.2.1]."""
+    cosine = 1 / np.sqrt(1 + (radius * np.tan(np.radians(light.cone))) ** 2)
+    edge, start = np.cos(np.radians([light.cone, light.falloff_start]))
+    x = np.clip((cosine - edge) / (start - edge), 0.0, 1.0)
+    return x * x * (3 - 2 * x)

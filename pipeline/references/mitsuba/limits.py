@@ -1,0 +1,147 @@
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportMissingTypeStubs=false
+"""What Mitsuba cannot be trusted with, decided from the description alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from trimesh.triangles import closest_point
+
+from pipeline.references.mitsuba.scene import convert, normalising_frame
+from pipeline.references.mitsuba.shadows import EARLY, overlooked
+from pipeline.references.mitsuba.shapes import Frame, basis, side_shift, triangles
+from pipeline.references.mitsuba.worker import RAY_LIFT
+from pipeline.references.protocol import unlit
+from scenes.description import (
+    Array,
+    Disk,
+    Geometry,
+    PointLight,
+    SceneDescription,
+    ShapeDescription,
+    Sphere,
+    SpotLight,
+)
+from scenes.errors import Location
+
+RIM = 64  # points on a disk's rim
+
+
+def reason(scene: SceneDescription) -> str | None:
+    """Why `scene` is out of Mitsuba's reach, in one sentence, or None; SceneError where it cannot be converted at all."""
+    if why := unlit(scene):
+        return why
+    convert(scene)
+    return _overlooked_gap(scene) or _overlooked_shade(scene)
+
+
+@dataclass(frozen=True, eq=False)
+class _Proxy:
+    """A shape for distances: points (m, 3) and triangles (t, 3, 3), thickened by `radius`."""
+
+    points: Array
+    triangles: Array
+    radius: float = 0.0
+
+    def box(self) -> tuple[Array, Array]:
+        return self.points.min(axis=0) - self.radius, self.points.max(axis=0) + self.radius
+
+
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """A light that has a place. shape: its own, which it may touch; moved: how far its conversion moves it, in normalised coordinates."""
+
+    proxy: _Proxy
+    where: Location | None
+    shape: ShapeDescription | None = None
+    moved: float = 0.0
+
+
+def _overlooked_gap(scene: SceneDescription) -> str | None:
+    """A light nearer to another shape than a ray starts off it: measured, Mitsuba then reads 0 where the truth is 0.5."""
+    frame = normalising_frame(scene)
+    proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
+    for light in _lights(scene, proxies, frame):
+        low, high = light.proxy.box()
+        lift = RAY_LIFT * (1.0 + float(np.abs(np.stack([low, high])).max())) + light.moved
+        for other, far in proxies:
+            gap = _gap(light.proxy, _within(far, low - lift, high + lift)) if other is not light.shape else np.inf
+            if gap < lift:
+                where = f" ({light.where})" if light.where else ""
+                return (
+                    f"a light{where} is {gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "
+                    f"{lift / frame.scale:.2g} off a surface and overlook it"
+                )
+    return None
+
+
+def _overlooked_shade(scene: SceneDescription) -> str | None:
+    """Something that shades, so near to a light that shadow rays end before it."""
+    frame = normalising_frame(scene)
+    proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
+    for light in _lights(scene, proxies, frame):
+        others = [proxy for shape, proxy in proxies if shape is not light.shape]
+        if not others:
+            continue
+        points = np.concatenate([proxy.points for proxy in others])
+        distance = overlooked(light.proxy.points, [proxy.triangles for proxy in others], points)
+        if distance is not None:
+            where = f" ({light.where})" if light.where else ""
+            return (
+                f"a light{where} is {distance / frame.scale:.2g} from a surface that shades, where Mitsuba's shadow rays "
+                f"have ended already: {EARLY:g} of their length before the light"
+            )
+    return None
+
+
+def _lights(scene: SceneDescription, proxies: list[tuple[ShapeDescription, _Proxy]], frame: Frame) -> Iterator[_Light]:
+    for shape, proxy in proxies:
+        if shape.emission:
+            moved = side_shift(shape.geometry, frame) if shape.emission.two_sided else 0.0
+            yield _Light(proxy, shape.where, shape, moved)
+    for light in scene.lights:
+        if isinstance(light, PointLight | SpotLight):
+            yield _Light(_Proxy(frame.points(light.position)[None], np.zeros((0, 3, 3))), light.where)
+
+
+def _proxy(geometry: Geometry, frame: Frame) -> _Proxy:
+    nothing = np.zeros((0, 3, 3))
+    if isinstance(geometry, Sphere):
+        return _Proxy(frame.points(geometry.center)[None], nothing, geometry.radius * frame.scale)
+    if isinstance(geometry, Disk):
+        rim, center = frame.points(_rim(geometry)), frame.points(geometry.center)
+        fan = np.stack([np.broadcast_to(center, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
+        return _Proxy(rim, fan)
+    points = frame.points(geometry.vertices)
+    return _Proxy(points, points[triangles(geometry)])
+
+
+def _rim(disk: Disk) -> Array:
+    angle = np.linspace(0.0, 2 * np.pi, RIM, endpoint=False)[:, None]
+    x, y, _ = basis(disk.normal).T
+    return disk.center + disk.radius * (np.cos(angle) * x + np.sin(angle) * y)
+
+
+def _within(proxy: _Proxy, low: Array, high: Array) -> _Proxy:
+    """The part of `proxy` whose bounding boxes touch the box: all that can be near."""
+    touching = np.all((proxy.triangles.min(axis=1) <= high) & (proxy.triangles.max(axis=1) >= low), axis=1)
+    near = np.all((proxy.points - proxy.radius <= high) & (proxy.points + proxy.radius >= low), axis=1)
+    return _Proxy(proxy.points[near], proxy.triangles[touching], proxy.radius)
+
+
+def _gap(a: _Proxy, b: _Proxy) -> float:
+    """The least distance from the points of one to the surface of the other, both ways."""
+    distances = (_to_triangles(a.points, b.triangles), _to_triangles(b.points, a.triangles), _to_points(a, b))
+    return float(min(np.min(np.abs(d - a.radius - b.radius), initial=np.inf) for d in distances))
+
+
+def _to_triangles(points: Array, faces: Array) -> Array:
+    """Distances (m * t,) of every point to every triangle."""
+    p, f = np.repeat(points, len(faces), axis=0), np.tile(faces, (len(points), 1, 1))
+    return np.linalg.norm(closest_point(f, p) - p, axis=1) if len(p) else np.zeros(0)
+
+
+def _to_points(a: _Proxy, b: _Proxy) -> Array:
+    return np.linalg.norm(a.points[:, None] - b.points[None], axis=-1).ravel()

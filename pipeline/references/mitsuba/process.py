@@ -1,0 +1,93 @@
+"""Running `mitsuba_worker` and taking its batches from it, one by one."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Generator
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.references.mitsuba import worker as mitsuba_worker
+from pipeline.references.mitsuba.worker import BATCH, LIFT, TASK, Task, batch_file
+from pipeline.references.protocol import Image
+from scenes.errors import PenumbraError
+
+MOST_LIFT = 0.25  # pixels; a shadow's edge may be that far off
+
+
+def llvm_library() -> str | None:
+    """The LLVM that Dr.Jit shall use: DRJIT_LIBLLVM_PATH where it is set, else the one of the wheel karellen-llvm-core."""
+    if os.environ.get("DRJIT_LIBLLVM_PATH"):
+        return os.environ["DRJIT_LIBLLVM_PATH"]
+    try:
+        files = importlib.metadata.files("karellen-llvm-core") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    found = sorted(Path(str(file.locate())).resolve() for file in files if file.name in ("libLLVM.so", "libLLVM.dylib"))
+    return str(found[0]) if found else None
+
+
+def command(folder: Path) -> list[str]:
+    """What renders the task in `folder`."""
+    return [sys.executable, "-m", mitsuba_worker.__name__, str(folder)]
+
+
+def run_task(task: Task) -> Generator[Image]:
+    """The batches (h, w, 3) of a task as they are finished; the worker ends with the generator.
+
+    PenumbraError with the worker's last lines if it fails, and if the rays of this view start too far off its surfaces.
+    """
+    with tempfile.TemporaryDirectory(prefix="penumbra-mitsuba-") as name:
+        folder = Path(name)
+        (folder / TASK).write_bytes(pickle.dumps(task))
+        with (folder / "stderr.txt").open("w+") as stderr:
+            said: list[str] = []
+            with subprocess.Popen(
+                command(folder), stdout=subprocess.PIPE, stderr=stderr, text=True, env=_environment()
+            ) as process:
+                try:
+                    yield from _batches(process, folder, said)
+                except BaseException:
+                    process.kill()
+                    raise
+            stderr.seek(0)
+            lines = [line.strip() for line in (*said, *stderr.readlines()) if line.strip()]
+        if process.returncode != 0:
+            last = " | ".join(lines[-4:]) or "it said nothing"
+            raise PenumbraError(f"Mitsuba ({task.variant}) failed with code {process.returncode}: {last}")
+
+
+def _batches(process: subprocess.Popen[str], folder: Path, said: list[str]) -> Generator[Image]:
+    """What the worker's lines announce; its other lines go to `said`."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.startswith(BATCH):
+            path = batch_file(folder, int(line.split()[1]))
+            image = np.load(path).astype(np.float64)
+            path.unlink()
+            yield image
+        elif line.startswith(LIFT):
+            _check_lift(float(line.split()[1]))
+        else:
+            said.append(line)
+
+
+def _check_lift(lift: float) -> None:
+    if lift > MOST_LIFT:
+        raise PenumbraError(
+            f"Mitsuba's rays start up to {lift:.2g} pixels off the surfaces in view (at most {MOST_LIFT} is accepted): "
+            "this view is too close, or too far from the lights, for its float32"
+        )
+
+
+def _environment() -> dict[str, str]:
+    path = (str(Path(mitsuba_worker.__file__).parents[3]), os.environ.get("PYTHONPATH", ""))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path))}
+    library = llvm_library()
+    return environment | ({"DRJIT_LIBLLVM_PATH": library} if library else {})

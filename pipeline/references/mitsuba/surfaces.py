@@ -1,0 +1,169 @@
+"""Materials and textures for Mitsuba.
+
+Mitsuba cannot multiply or mix textures. It can blend two BSDFs by a texture, and Lambertian reflection is linear in its
+reflectance: a mix or a checkerboard of textures is a blend of diffuse surfaces, exactly. Constants are multiplied into what they
+scale; of two images the product is made where it is an image, which it is for texels that are not interpolated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.references.mitsuba.worker import Plugin
+from scenes.description import (
+    Array,
+    Checkerboard,
+    Conductor,
+    ImageTexture,
+    Material,
+    Mix,
+    Product,
+    Texture,
+    UVMapping,
+)
+from scenes.errors import Location, SceneError
+
+MOST_TEXELS = 2**24  # of a product of two images: 200 MB in float32
+
+
+@dataclass(frozen=True, eq=False)
+class _Blend:
+    """(1 - weight) first + weight second; weight: a share or a texture whose channels are equal."""
+
+    first: _Tree
+    second: _Tree
+    weight: float | ImageTexture | UVMapping  # a mapping: the checkerboard of 0 and 1 under it
+
+
+_Tree = Array | ImageTexture | _Blend
+
+
+def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
+    """The material on both sides, as pbrt's. to_uv: (3, 3), from Mitsuba's uv of the shape to pbrt's.
+
+    SceneError where its textures have no counterpart.
+    """
+    if isinstance(material, Conductor):
+        values: dict[str, float] = {f"eta{c}": float(material.eta[c]) for c in range(3)}
+        values |= {f"k{c}": float(material.k[c]) for c in range(3)}
+        return Plugin("bsdf", "penumbra_conductor", {"alpha": material.alpha, **values})
+    # `diffuse` is black from behind and pbrt's is not.
+    return Plugin("bsdf", "twosided", {"one": _diffuse(_expand(material.reflectance, where), to_uv)})
+
+
+def is_textured(material: Material, where: Location | None) -> bool:
+    """Whether it matters where on the shape a point is."""
+    return not isinstance(material, Conductor) and not isinstance(_expand(material.reflectance, where), np.ndarray)
+
+
+def bitmap(image: Array, mapping: UVMapping, wrap: str, filtering: str, to_uv: Array) -> Plugin:
+    """The image (h, w, c), first row at t = 1, as Mitsuba's, whose first row is at v = 0."""
+    h, w = image.shape[:2]
+    place = np.array([[mapping.su, 0, mapping.du], [0, -mapping.sv, 1 - mapping.dv], [0, 0, 1]])
+    if wrap == "black":  # Mitsuba has no such mode: a frame of black texels, repeated outwards
+        image = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+        place = np.array([[w / (w + 2), 0, 1 / (w + 2)], [0, h / (h + 2), 1 / (h + 2)], [0, 0, 1]]) @ place
+    image = image.repeat(2 if image.shape[0] == 1 else 1, axis=0).repeat(2 if image.shape[1] == 1 else 1, axis=1)
+    values = {
+        "bitmap": image,
+        "raw": True,
+        "format": "variant",
+        "filter_type": "nearest" if filtering == "point" else "bilinear",
+        "wrap_mode": "repeat" if wrap == "repeat" else "clamp",
+        "to_uv": place @ to_uv,
+    }
+    return Plugin("texture", "bitmap", values)
+
+
+def _diffuse(tree: _Tree, to_uv: Array) -> Plugin:
+    if isinstance(tree, _Blend):
+        parts = {"bsdf_0": _diffuse(tree.first, to_uv), "bsdf_1": _diffuse(tree.second, to_uv)}
+        return Plugin("bsdf", "blendbsdf", {"weight": _weight(tree.weight, to_uv), **parts})
+    if isinstance(tree, ImageTexture):
+        return Plugin("bsdf", "diffuse", {"reflectance": _image(tree, to_uv)})
+    return Plugin("bsdf", "diffuse", {"reflectance": tree})
+
+
+def _image(texture: ImageTexture, to_uv: Array) -> Plugin:
+    return bitmap(texture.image, texture.mapping, texture.wrap, texture.filter, to_uv)
+
+
+def _weight(weight: float | ImageTexture | UVMapping, to_uv: Array) -> float | Plugin:
+    if isinstance(weight, ImageTexture):
+        return _image(replace(weight, image=weight.image[..., :1]), to_uv)
+    if not isinstance(weight, UVMapping):
+        return weight
+    squares = np.array([[1.0, 0.0], [0.0, 1.0]])[..., None]  # first row at t = 1, one period in each direction
+    half = UVMapping(weight.su / 2, weight.sv / 2, weight.du / 2, weight.dv / 2)
+    return bitmap(squares, half, "repeat", "point", to_uv)
+
+
+def _expand(texture: Texture, where: Location | None) -> _Tree:
+    match texture:
+        case ImageTexture():
+            plain = texture.plain()
+            if plain is None:
+                raise SceneError(
+                    "an image texture whose interpolated values are cut off, or that is inverted with black around it, cannot be "
+                    "given to Mitsuba",
+                    where,
+                )
+            return plain
+        case Checkerboard():
+            return _blend(_expand(texture.first, where), _expand(texture.second, where), texture.mapping)
+        case Product():
+            return _multiply(_expand(texture.first, where), _expand(texture.second, where), where)
+        case Mix():
+            first, second, amount = (_expand(one, where) for one in (texture.first, texture.second, texture.amount))
+            return _mix(first, second, amount, where)
+        case _:
+            return texture
+
+
+def _blend(first: _Tree, second: _Tree, weight: float | ImageTexture | UVMapping) -> _Tree:
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray) and np.array_equal(first, second):
+        return first
+    return _Blend(first, second, weight)
+
+
+def _multiply(a: _Tree, b: _Tree, where: Location | None) -> _Tree:
+    if isinstance(a, _Blend):
+        return _Blend(_multiply(a.first, b, where), _multiply(a.second, b, where), a.weight)
+    if isinstance(b, _Blend):
+        return _multiply(b, a, where)
+    if isinstance(a, ImageTexture) and isinstance(b, ImageTexture):
+        return _product(a, b, where)
+    if isinstance(a, ImageTexture):
+        assert isinstance(b, np.ndarray)
+        return replace(a, image=a.image * b)
+    return replace(b, image=b.image * a) if isinstance(b, ImageTexture) else a * b
+
+
+def _product(a: ImageTexture, b: ImageTexture, where: Location | None) -> ImageTexture:
+    """Of two images under one mapping, on the texels of both."""
+    same = all(getattr(a.mapping, name) == getattr(b.mapping, name) for name in ("su", "sv", "du", "dv"))
+    if not (same and a.wrap == b.wrap and a.filter == b.filter == "point"):
+        raise SceneError(
+            "a product of two image textures can be given to Mitsuba only where both have one mapping, one wrap and the filter "
+            '"point"',
+            where,
+        )
+    h, w = (int(np.lcm(x, y)) for x, y in zip(a.image.shape[:2], b.image.shape[:2], strict=True))
+    if h * w > MOST_TEXELS:
+        raise SceneError(f"a product of two image textures would have {w} x {h} texels", where)
+    fine = [one.image.repeat(h // one.image.shape[0], axis=0).repeat(w // one.image.shape[1], axis=1) for one in (a, b)]
+    return replace(a, image=fine[0] * fine[1])
+
+
+def _mix(first: _Tree, second: _Tree, amount: _Tree, where: Location | None) -> _Tree:
+    if isinstance(amount, _Blend):
+        lower, upper = (_mix(first, second, part, where) for part in (amount.first, amount.second))
+        return _blend(lower, upper, amount.weight)
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray) and isinstance(amount, np.ndarray):
+        return (1 - amount) * first + amount * second
+    values = amount.image if isinstance(amount, ImageTexture) else amount
+    if np.any(values != values[..., :1]):
+        raise SceneError("a mix of textures by a coloured amount cannot be given to Mitsuba: give a gray one", where)
+    return _Blend(first, second, amount if isinstance(amount, ImageTexture) else float(amount[0]))

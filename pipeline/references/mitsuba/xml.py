@@ -1,0 +1,188 @@
+"""A scene as Mitsuba 3 XML, its meshes and images in files beside it: what `mitsuba scene.xml` renders as our reference is rendered.
+
+The coordinates are the reference's own, near the origin and of a size that float32 resolves (`mitsuba_scene`); a comment says how
+to get back. Two things that our reference adds to Mitsuba are not in the file, which says so: pbrt's rough metal and its pixel filters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, cast
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from pipeline.references.mitsuba.scene import convert, normalising_frame
+from pipeline.references.mitsuba.shapes import Frame
+from pipeline.references.mitsuba.worker import Faces, MitsubaScene, Plugin
+from scenes.description import Array, Film, SceneDescription
+from scenes.errors import PenumbraError
+
+METAL = "rough metal is Mitsuba's roughconductor, whose shadowing and masking are independent; Penumbra's and pbrt's are correlated by height"
+
+
+@dataclass(frozen=True, eq=False)
+class MitsubaFiles:
+    """text: the XML. images: (h, w, 1 or 3), to be written as float32 EXR; meshes: PLY; both by file name. notes: what a user should know."""
+
+    text: str
+    images: dict[str, Array]
+    meshes: dict[str, bytes]
+    notes: tuple[str, ...]
+
+
+def to_xml(scene: SceneDescription, stem: str) -> MitsubaFiles:
+    """The scene as XML; stem: what the names of the other files begin with. SceneError or PenumbraError where Mitsuba has no counterpart."""
+    converted, frame = convert(scene), normalising_frame(scene)
+    writer = _Writer(stem)
+    rfilter, notes = _filter(scene.film)
+    body = [
+        '<integrator type="direct">',
+        *_indented([*_value("emitter_samples", 1), *_value("bsdf_samples", 1), *_value("hide_emitters", False)]),
+        "</integrator>",
+        *_sensor(converted, rfilter, scene.defaults.spp),
+    ]
+    for plugin in converted.objects:
+        body += writer.plugin(plugin, None)
+    notes = [
+        _moved(frame),
+        *notes,
+        *([METAL] if writer.metal else []),
+        *(f"{k}: {v}" for k, v in converted.notes.items()),
+    ]
+    head = [f"<!-- {_comment(scene.name)}, exported by penumbra -->", *(f"<!-- {_comment(note)} -->" for note in notes)]
+    text = "\n".join(
+        ['<?xml version="1.0" encoding="utf-8"?>', *head, '<scene version="3.0.0">', *_indented(body), "</scene>"]
+    )
+    return MitsubaFiles(text + "\n", writer.images, writer.meshes, tuple(notes))
+
+
+def _comment(text: str) -> str:
+    return " ".join(text.split()).replace("--", "- -").rstrip("-")
+
+
+def _moved(frame: Frame) -> str:
+    center = ", ".join(repr(value) for value in frame.center.tolist())
+    return f"a point p of the scene is at {frame.scale!r} * (p - ({center})): Mitsuba computes in float32, best near the origin"
+
+
+def _filter(film: Film) -> tuple[list[str], list[str]]:
+    """The reconstruction filter, and what is to be said of it; PenumbraError where Mitsuba has none like it."""
+    chosen = film.pixel_filter
+    if chosen.kind == "box" and chosen.xradius == chosen.yradius == 0.5:
+        return ['<rfilter type="box"/>'], []
+    if chosen.kind == "box" or chosen.xradius != chosen.yradius:
+        raise PenumbraError(
+            f"Mitsuba has no {chosen.kind} filter of radii {chosen.xradius:g} and {chosen.yradius:g}: its box is one pixel wide, and its "
+            "others are round"
+        )
+    said = "Mitsuba splats samples into all pixels within the filter's radius, and divides by the sum of their weights; pbrt keeps each in its pixel"
+    if chosen.kind == "triangle":
+        return ['<rfilter type="tent">', *_indented(_value("radius", chosen.xradius)), "</rfilter>"], [said]
+    ends = f"its gaussian ends at four standard deviations, {4 * chosen.sigma:g} pixels, where the scene's ends at {chosen.xradius:g}"
+    return ['<rfilter type="gaussian">', *_indented(_value("stddev", chosen.sigma)), "</rfilter>"], [f"{said}; {ends}"]
+
+
+def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
+    film = [*_value("width", scene.width), *_value("height", scene.height), *_value("pixel_format", "rgb")]
+    film += [*_value("component_format", "float32"), *rfilter]
+    inside = [
+        *_transform("to_world", scene.camera_to_world),
+        *_value("fov", scene.fov),
+        *_value("fov_axis", "smaller"),
+        *_value("near_clip", scene.clip[0]),
+        *_value("far_clip", scene.clip[1]),
+        '<film type="hdrfilm">',
+        *_indented(film),
+        "</film>",
+        '<sampler type="independent">',
+        *_indented(_value("sample_count", spp)),
+        "</sampler>",
+    ]
+    return ['<sensor type="perspective">', *_indented(inside), "</sensor>"]
+
+
+@dataclass(eq=False)
+class _Writer:
+    """Writes plugins, and collects what goes into files of its own. metal: whether there is any of the kind that Mitsuba lacks."""
+
+    stem: str
+    images: dict[str, Array] = field(default_factory=dict[str, Array])
+    meshes: dict[str, bytes] = field(default_factory=dict[str, bytes])
+    metal: bool = False
+
+    def plugin(self, plugin: Plugin, name: str | None) -> list[str]:
+        if plugin.kind == "penumbra_conductor":
+            return self.plugin(self._metal(plugin), name)
+        kind, values = plugin.kind, dict(plugin.values)
+        if kind == "mesh":
+            kind, values = "ply", self._mesh(values)
+        named = "" if name is None else f" name={quoteattr(name)}"
+        lines = [f"<{plugin.tag} type={quoteattr(kind)}{named}>"]
+        for key, value in values.items():
+            lines += _indented(self._part(key, value))
+        return [*lines, f"</{plugin.tag}>"]
+
+    def _part(self, name: str, value: Any) -> list[str]:
+        if isinstance(value, Plugin):
+            return self.plugin(value, name)
+        if isinstance(value, np.ndarray) and value.ndim == 3:
+            file = f"{self.stem}-{len(self.images) + 1}.exr"
+            self.images[file] = value
+            return _value("filename", file)
+        return _value(name, value)
+
+    def _mesh(self, values: dict[str, Any]) -> dict[str, Any]:
+        file = f"{self.stem}-{len(self.meshes) + 1}.ply"
+        self.meshes[file] = ply(values.pop("vertices"), values.pop("faces"), values.pop("uv", None))
+        return {"filename": file, "face_normals": True, **values}
+
+    def _metal(self, plugin: Plugin) -> Plugin:
+        self.metal = True
+        indices = {name: np.array([plugin.values[f"{name}{c}"] for c in range(3)]) for name in ("eta", "k")}
+        values = {"distribution": "ggx", "alpha": plugin.values["alpha"], **indices}
+        return Plugin("bsdf", "twosided", {"one": Plugin("bsdf", "roughconductor", values)})
+
+
+def _value(name: str, value: Any) -> list[str]:
+    """One parameter of a plugin, as its type says."""
+    if isinstance(value, np.ndarray):
+        value = cast("Array", value)
+        if value.ndim == 2:
+            return _transform(name, value)
+        return [f'<rgb name={quoteattr(name)} value="{" ".join(repr(x) for x in value.tolist())}"/>']
+    tag = {bool: "boolean", int: "integer", float: "float", str: "string"}[type(value)]
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return [f"<{tag} name={quoteattr(name)} value={quoteattr(text)}/>"]
+
+
+def _transform(name: str, matrix: Array) -> list[str]:
+    """(4, 4), or (3, 3) of the plane: Mitsuba drops the translation of nine numbers, and reads that of sixteen from where space has it."""
+    if len(matrix) == 3:
+        plane, matrix = matrix, np.eye(4)
+        matrix[:2, :2], matrix[:2, 3] = plane[:2, :2], plane[:2, 2]
+    numbers = " ".join(repr(x) for x in matrix.ravel().tolist())
+    return [f"<transform name={quoteattr(name)}>", f'    <matrix value="{numbers}"/>', "</transform>"]
+
+
+def _indented(lines: list[str]) -> Iterator[str]:
+    return (f"    {line}" for line in lines)
+
+
+def ply(vertices: Array, faces: Faces, uv: Array | None) -> bytes:
+    """Binary PLY in float32: vertices (m, 3), faces (t, 3), uv (m, 2) or None."""
+    names = ("x", "y", "z") if uv is None else ("x", "y", "z", "u", "v")
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(vertices)}",
+        *(f"property float {name}" for name in names),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    table = vertices if uv is None else np.concatenate([vertices, uv], axis=1)
+    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
+    rows["count"], rows["corners"] = 3, faces
+    return "\n".join(header).encode() + b"\n" + table.astype("<f4").tobytes() + rows.tobytes()

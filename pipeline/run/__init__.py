@@ -1,0 +1,1 @@
+"""A sweep computed: grid, jobs, workers, executors."""

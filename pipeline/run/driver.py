@@ -1,0 +1,219 @@
+"""A run: references, then cells, then scores; whatever is already there and whole is kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel
+
+from pipeline.backends import BACKENDS
+from pipeline.progress import Listener
+from pipeline.references.cache import StoredReference, reference_for, reference_key, to_info
+from pipeline.references.protocol import ReferenceRequest
+from pipeline.run.executors.protocol import Executor
+from pipeline.run.grid import Cell, SceneVariant, StudyPlan, describe, fair_order, lay_out
+from pipeline.run.worker import RenderTask, ScoreTask, render_cell, score_cell
+from pipeline.schema.manifest import CellEntry, LeftOut, Manifest, StudyEntry, replaces
+from pipeline.schema.record import SCHEMA_VERSION, Job
+from pipeline.schema.sweep import Sweep
+from pipeline.store.provenance import provenance
+from pipeline.store.run_folder import DamagedEntryError, Store, create_store
+from scenes.errors import PenumbraError
+
+T = TypeVar("T", RenderTask, ScoreTask)
+REFERENCES = "references"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run did. made: references, cells and scores made anew; the rest was there. failures: in words."""
+
+    cells: int
+    made: dict[str, int]
+    left_out: tuple[LeftOut, ...]
+    failures: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """A run under way."""
+
+    name: str
+    sweep: Sweep
+    plans: Sequence[StudyPlan]
+    store: Store
+    executor: Executor
+    listener: Listener
+    requests: Mapping[str, ReferenceRequest]
+    failures: list[str] = field(default_factory=list[str])
+
+
+def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, listener: Listener) -> Summary:
+    """Make what the folder `root` lacks of the sweep; a cell that fails is told in the summary and does not stop the others.
+
+    name: of the sweep, for messages and the manifest. PenumbraError where a scene cannot be read, before anything is
+    written; where the folder cannot be written or holds the run of another sweep; where another run is at work in it; where a
+    reference cannot be made.
+    """
+    plans = lay_out(sweep, name)
+    store = create_store(root)
+    left_out = tuple(item for plan in plans for item in plan.left_out)
+    for item in left_out:
+        listener.note(describe(item))
+    work = _Work(name, sweep, plans, store, executor, listener, _requests(plans))
+    with store.locked():
+        manifest = _manifest(work)
+        _check_folder(store, manifest)
+        store.write_manifest(manifest)
+        references = _references(work)
+        cells = _cells(work)
+        scores = _scores(work, references)
+    fresh = sum(stored.fresh for stored in references.values())
+    keys = {cell.key for plan in plans for cell in plan.cells}
+    made = {"references": fresh, "cells": cells, "scores": scores}
+    return Summary(len(keys), made, left_out, tuple(work.failures))
+
+
+def _manifest(work: _Work) -> Manifest:
+    studies = [
+        StudyEntry(
+            name=plan.study.name,
+            cells=[CellEntry(key=cell.key, job=cell.job, score=_score_key(work, plan, cell)) for cell in plan.cells],
+            left_out=list(plan.left_out),
+        )
+        for plan in work.plans
+    ]
+    return Manifest(name=work.name, sweep=work.sweep, studies=studies, provenance=provenance())
+
+
+def _reference_key(plan: StudyPlan, variant: SceneVariant) -> str:
+    backend = plan.study.reference.backend
+    return reference_key(variant.scene, backend, _version(backend), plan.request)
+
+
+@cache
+def _version(backend: str) -> str:
+    return BACKENDS[backend].version()
+
+
+def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
+    """What to ask for each reference, by key: the most that a study wants of it, so that all studies see the same image."""
+    requests: dict[str, ReferenceRequest] = {}
+    for plan in plans:
+        for key in {_reference_key(plan, variant) for variant in plan.variants}:
+            one, other = plan.request, requests.get(key, plan.request)
+            requests[key] = replace(one, spp=max(one.spp, other.spp), batches=max(one.batches, other.batches))
+    return requests
+
+
+def _check_folder(store: Store, manifest: Manifest) -> None:
+    """PenumbraError where the folder's manifest names cells that would be forgotten if `manifest` took its place."""
+    try:
+        lost = replaces(store.read_manifest(), manifest)
+    except PenumbraError:  # none yet, or of a version whose cells this one could not read anyway
+        return
+    if lost:
+        raise PenumbraError(f"{store.root}: {lost}; name another folder")
+
+
+def _score_key(work: _Work, plan: StudyPlan, cell: Cell) -> str:
+    """The content address of a cell's scores: another image, reference, metric or formula gives another."""
+    reference = _reference_key(plan, cell.variant)
+    wanted = work.requests[reference]
+    parts = (cell.key, reference, wanted, plan.study.metrics, metrics_fingerprint(), SCHEMA_VERSION)
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
+
+
+METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator", "colour-science")
+
+
+@cache
+def metrics_fingerprint() -> str:
+    """SHA-256 over the sources of the metrics, their statistics and their regions, and the versions of the libraries behind them.
+
+    A changed formula or library scores anew and renders nothing.
+    """
+    here = Path(__file__).parents[1]
+    digest = hashlib.sha256(repr([(name, version(name)) for name in METRIC_LIBRARIES]).encode())
+    own = [here / name for name in ("studies/regions.py", "run/worker.py")]
+    folders = [here / name for name in ("metrics", "scoring", "statistics")]
+    for path in sorted([*own, *(path for folder in folders for path in folder.glob("*.py"))]):
+        digest.update(path.relative_to(here).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _references(work: _Work) -> dict[str, StoredReference]:
+    """Every distinct reference of the sweep, by key, made one after the other: each takes the whole machine."""
+    wanted = {_reference_key(plan, v): (plan, v) for plan in work.plans for v in plan.variants}
+    made: dict[str, StoredReference] = {}
+    with work.listener.step("references", len(wanted)) as update:
+        for key, (plan, variant) in wanted.items():
+            done = len(made)
+            made[key] = reference_for(
+                variant.scene,
+                plan.study.reference.backend,
+                work.requests[key],
+                work.store.root / REFERENCES,
+                lambda share, done=done: update(done + share),
+            )
+            update(len(made))
+    return made
+
+
+def _cells(work: _Work) -> int:
+    """Render what is missing; returns how many cells that were."""
+    cells = fair_order(cell for plan in work.plans for cell in plan.cells)
+    missing = [cell for cell in cells if _missing(work, cell.key, work.store.read_cell)]
+    tasks = [RenderTask(work.store.root, cell.key, cell.job, cell.variant.hash) for cell in missing]
+    return _compute(work, "cells", render_cell, tasks, len(cells))
+
+
+def _scores(work: _Work, references: Mapping[str, StoredReference]) -> int:
+    """Score what is rendered and not scored; returns how many cells that were."""
+    tasks = {task.key: task for task in _score_tasks(work, references)}
+    there = [task for task in tasks.values() if (work.store.root / "cells" / task.cell).is_dir()]
+    missing = [task for task in there if _missing(work, task.key, work.store.read_score)]
+    return _compute(work, "scores", score_cell, missing, len(tasks))
+
+
+def _score_tasks(work: _Work, references: Mapping[str, StoredReference]) -> Iterator[ScoreTask]:
+    """One for each cell of each study, those of one reference together."""
+    root = work.store.root
+    for plan in work.plans:
+        for cell in sorted(plan.cells, key=lambda cell: cell.variant.hash):
+            stored = references[_reference_key(plan, cell.variant)]
+            metrics = tuple(plan.study.metrics)
+            info = to_info(stored, root)
+            yield ScoreTask(root, _score_key(work, plan, cell), cell.key, cell.job, metrics, stored.path.parent, info)
+
+
+def _missing(work: _Work, key: str, read: Callable[[str], BaseModel | None]) -> bool:
+    try:
+        return read(key) is None
+    except DamagedEntryError as error:
+        work.listener.note(f"{error}; it will be made again")
+        return True
+
+
+def _compute(work: _Work, title: str, function: Callable[[T], str], tasks: Sequence[T], total: int) -> int:
+    """Compute `tasks`, of `total` items of which the others are there already; returns how many succeeded."""
+    done = 0
+    with work.listener.step(title, total) as update:
+        update(total - len(tasks))
+        for number, outcome in enumerate(work.executor.map(function, tasks), start=1):
+            update(total - len(tasks) + number)
+            if outcome.failure is None:
+                done += 1
+            else:
+                work.failures.append(f"{title}: {_name(outcome.item.job)}: {outcome.failure}")
+    return done
+
+
+def _name(job: Job) -> str:
+    return f"{job.scene} {job.parameters or ''} {job.estimator} {job.sampler} spp={job.spp} seed={job.seed}"

@@ -1,0 +1,94 @@
+"""A job is a render to be made; running it is a pure function of the job and its scene."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pipeline.run.grid import cell_key
+from pipeline.schema.record import Job, PlanDecision, RayCounts, Record, SampleStatistics, Seconds
+from pipeline.statistics.samples import sample_statistics
+from pipeline.store.provenance import provenance
+from renderer import RenderResult, build, fingerprint, render
+from renderer.build import RenderScene
+from scenes import load
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScene:
+    """A scene with all that is done once for it, and the seconds that this took."""
+
+    built: RenderScene
+    hash: str
+    seconds_load: float
+
+
+@dataclass(frozen=True, eq=False)
+class JobResult:
+    """The record of a job and all that the renderer gave."""
+
+    record: Record
+    render: RenderResult
+
+
+def prepare(scene: str, parameters: Mapping[str, float]) -> PreparedScene:
+    """Read and build a scene by library name or path; PenumbraError where it cannot be."""
+    start = time.perf_counter()
+    description = load(scene, parameters)
+    seconds = time.perf_counter() - start
+    return PreparedScene(build(description), description.content_hash(), seconds)
+
+
+def run_job(job: Job, scene: PreparedScene) -> JobResult:
+    """Render `job` with one thread. The image is a function of the arguments; times and the record's date are not."""
+    result = render(scene.built, estimator=job.estimator, sampler=job.sampler, spp=job.spp, seed=job.seed, threads=1)
+    return JobResult(_record(job, scene, result), result)
+
+
+def _record(job: Job, scene: PreparedScene, result: RenderResult) -> Record:
+    key = cell_key(scene.hash, job, fingerprint())
+    height, width = result.film.count.shape
+    return Record(
+        key=key,
+        job=job,
+        scene_hash=scene.hash,
+        width=width,
+        height=height,
+        seconds=_seconds(scene, result),
+        rays=RayCounts(primary=result.rays.primary, shadow=result.rays.shadow),
+        statistics=statistics(result),
+        plan=decisions(result),
+        image=f"cells/{key}/image.exr",
+        provenance=provenance(),
+    )
+
+
+def _seconds(scene: PreparedScene, result: RenderResult) -> Seconds:
+    return Seconds(
+        load=scene.seconds_load,
+        build=scene.built.seconds_build,
+        plan=result.seconds.plan,
+        render=result.seconds.render,
+        cpu=result.seconds.cpu,
+    )
+
+
+def statistics(result: RenderResult) -> SampleStatistics:
+    """What the samples of a render say of it."""
+    film = result.film
+    return sample_statistics(
+        mean=film.mean,
+        m2=film.m2,
+        count=film.count,
+        tail=result.tail,
+        reflected=result.reflected,
+        reflected_sum=result.reflected_sum,
+        nonfinite=result.nonfinite,
+        maximum=film.maximum,
+    )
+
+
+def decisions(result: RenderResult) -> list[PlanDecision]:
+    """The plan of a render, for its record."""
+    return [PlanDecision(effect=d.effect, needed=d.needed, reason=d.reason) for d in result.plan.decisions]

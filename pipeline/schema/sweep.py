@@ -1,0 +1,243 @@
+"""A sweep as its author declares it: a TOML file of one or more studies, each a grid of cells and a reference.
+
+    title = "My sweep"
+
+    [[study]]
+    name = "samples"
+    scenes = ["soft-shadow"]                 # library names, or paths relative to this file
+    metrics = ["mse", "relmse"]
+    baseline = "pyrender"                    # a rasterised picture, at the cheap end of error against time
+    reference = { backend = "mitsuba", spp = 4096, batches = 64 }
+
+    [study.axes]
+    estimator = ["area", "solid-angle"]
+    sampler = ["independent", "sobol"]
+    spp = [1, 4, 16, 64]
+    seeds = 3                                # that many replicates, or a list of seeds
+    parameters = { gap = [1, 0.1] }          # values of the scene template's $names
+
+Reading checks the shape of the file and the names in it; `pipeline.run.grid` lays out the grid.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from scenes.errors import PenumbraError
+
+T = TypeVar("T")
+
+BUILTIN = Path(__file__).parent.parent / "sweeps"
+
+
+def _distinct(values: list[T]) -> list[T]:
+    twice = [value for i, value in enumerate(values) if value in values[:i]]
+    if twice:
+        raise ValueError(f"{twice[0]!r} is given twice")
+    return values
+
+
+def _seed_list(value: Any) -> Any:
+    """A count n of replicates stands for the seeds 0 .. n-1."""
+    if not isinstance(value, int) or isinstance(value, bool):
+        return value
+    if value < 1:
+        raise ValueError(f"{value} replicates: give at least 1, or a list of seeds")
+    return list(range(value))
+
+
+Names = Annotated[list[str], Field(min_length=1), AfterValidator(_distinct)]
+Samples = Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1), AfterValidator(_distinct)]
+Seeds = Annotated[
+    list[Annotated[int, Field(ge=0)]], Field(min_length=1), AfterValidator(_distinct), BeforeValidator(_seed_list)
+]
+Values = Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=1), AfterValidator(_distinct)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class ReferenceDeclaration(_Strict):
+    """What the images are measured against; spp and batches as in `ReferenceRequest`."""
+
+    backend: str = "mitsuba"
+    spp: int = Field(default=4096, ge=2)
+    batches: int = Field(default=64, ge=2)
+    seed: int = Field(default=0, ge=0)
+
+    @model_validator(mode="after")
+    def _enough(self) -> ReferenceDeclaration:
+        if self.spp < self.batches:
+            raise ValueError(
+                f"spp = {self.spp} cannot be dealt to batches = {self.batches}; give at least one sample a batch"
+            )
+        return self
+
+
+class Axes(_Strict):
+    """The grid: every combination is one cell."""
+
+    estimator: Names
+    sampler: Names = ["independent"]
+    spp: Samples
+    seeds: Seeds = [0, 1, 2]
+    parameters: dict[str, Values] = {}
+
+
+class Study(_Strict):
+    """One question put to some scenes. `over` is the axis that a plot of it runs along: `spp` or a parameter.
+
+    baseline: what to put at the cheap end of a plot of error against time, see `pipeline.baseline`.
+    """
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
+    title: str = ""
+    question: str = ""
+    scenes: Names
+    metrics: Names
+    over: str = "spp"
+    baseline: Literal["pyrender"] | None = None
+    reference: ReferenceDeclaration = ReferenceDeclaration()
+    axes: Axes
+
+    @model_validator(mode="after")
+    def _known_axis(self) -> Study:
+        allowed = ["spp", *self.axes.parameters]
+        if self.over not in allowed:
+            raise ValueError(f"over = {self.over!r} is no axis of this study; allowed: {', '.join(allowed)}")
+        if self.baseline and self.over != "spp":
+            raise ValueError(f'baseline = {self.baseline!r} is a point of error against time, which needs over = "spp"')
+        return self
+
+
+class Sweep(_Strict):
+    """A whole sweep file."""
+
+    title: str
+    description: str = ""
+    study: Annotated[list[Study], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _names(self) -> Sweep:
+        names = [study.name for study in self.study]
+        twice = [name for i, name in enumerate(names) if name in names[:i]]
+        if twice:
+            raise ValueError(f"study: two studies are called {twice[0]!r}")
+        return self
+
+
+def builtin_sweeps() -> dict[str, Path]:
+    """Name to file of the sweeps that come with Penumbra, sorted by name."""
+    return {path.stem: path for path in sorted(BUILTIN.glob("*.toml"))}
+
+
+def load_sweep(name_or_path: str) -> Sweep:
+    """The built-in sweep of that name, or the one in that TOML file; PenumbraError naming file, key path and what is allowed."""
+    path = builtin_sweeps().get(name_or_path)
+    if path is None:
+        path = Path(name_or_path)
+        if path.suffix != ".toml":
+            raise PenumbraError(
+                f"unknown sweep {name_or_path!r}; there are: {', '.join(builtin_sweeps())}, or give a .toml file"
+            )
+    return parse_sweep(_text(path), str(path), path.parent)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PenumbraError(f"{path}: cannot read the sweep: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise PenumbraError(f"{path}: cannot read the sweep: not UTF-8 text") from error
+
+
+def parse_sweep(text: str, source: str, folder: Path) -> Sweep:
+    """Validate TOML `text`; `source` names it in messages, scene paths are taken relative to `folder`."""
+    try:
+        sweep = Sweep.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise PenumbraError(f"{source}: not valid TOML: {error}") from error
+    except ValidationError as error:
+        raise PenumbraError("\n".join(f"{source}: {line}" for line in _lines(error))) from error
+    problems = list(_unknown_names(sweep))
+    if problems:
+        raise PenumbraError("\n".join(f"{source}: {line}" for line in problems))
+    studies = [study.model_copy(update={"scenes": _resolved(study.scenes, folder)}) for study in sweep.study]
+    return sweep.model_copy(update={"study": studies})
+
+
+def _resolved(scenes: Sequence[str], folder: Path) -> list[str]:
+    return [str(folder / scene) if scene.endswith(".pbrt") else scene for scene in scenes]
+
+
+def _unknown_names(sweep: Sweep) -> Iterator[str]:
+    """One line for each name that no registry knows, under the key path where it stands."""
+    # Imported here: the registries bring the renderer with them, which a reader of manifests can do without.
+    from pipeline.backends import BACKENDS
+    from pipeline.scoring.metric import METRICS
+    from renderer.interfaces.estimator import ESTIMATORS
+    from renderer.interfaces.sampler import SAMPLERS
+
+    for i, study in enumerate(sweep.study):
+        for key, names, registry in (
+            ("axes.estimator", study.axes.estimator, ESTIMATORS),
+            ("axes.sampler", study.axes.sampler, SAMPLERS),
+            ("metrics", study.metrics, METRICS),
+            ("reference.backend", [study.reference.backend], BACKENDS),
+        ):
+            for name in names:
+                if name not in registry.names():
+                    there = ", ".join(registry.names())
+                    yield f"study[{i}].{key}: unknown {registry.kind} {name!r}; there are: {there}"
+
+
+def _lines(error: ValidationError) -> Iterator[str]:
+    """One plain line for each problem that pydantic found."""
+    seen: set[str] = set()
+    for problem in error.errors():
+        where = _path(problem["loc"])
+        kind, context = problem["type"], problem.get("ctx", {})
+        if kind == "extra_forbidden":
+            line = f"{where}: unknown key; {_allowed(problem['loc'])}"
+        elif kind == "missing":
+            line = f"{where}: missing key"
+        elif kind == "value_error":
+            line = f"{where}: {context['error']}"
+        elif kind == "too_short":
+            line = f"{where}: is empty; give at least one"
+        else:
+            line = f"{where}: {problem['msg'][0].lower()}{problem['msg'][1:]}, not {problem['input']!r}"
+        if line not in seen:
+            seen.add(line)
+            yield line.removeprefix(": ")
+
+
+def _path(location: Sequence[str | int]) -> str:
+    """A TOML-like key path, counted from 0."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
+
+
+def _allowed(location: Sequence[str | int]) -> str:
+    model: type[BaseModel] = Sweep
+    for part in location[:-1]:
+        if isinstance(part, str):
+            model = _model_in(model.model_fields[part].annotation)
+    keys = list(model.model_fields)
+    near = difflib.get_close_matches(str(location[-1]), keys, n=1)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    return f"allowed here: {', '.join(keys)}{hint}"
+
+
+def _model_in(annotation: Any) -> type[BaseModel]:
+    """The pydantic model inside an annotation such as `list[Study]`."""
+    if isinstance(annotation, type) and issubclass(cast("type[Any]", annotation), BaseModel):
+        return cast("type[BaseModel]", annotation)
+    return next(_model_in(inner) for inner in get_args(annotation) if inner is not type(None))

@@ -1,0 +1,47 @@
+"""When a metric has no value: one place that says so, for all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.schema.record import Score
+from pipeline.scoring.metric import Estimate, Image, Mask, Measured, Reference
+from scenes.errors import PenumbraError
+
+
+def undefined(metric: str, note: str) -> Measured:
+    """The answer of a metric that has no value here, and why; none in any region either."""
+    score = Score(metric=metric, value=None, note=note)
+
+    def over(mask: Mask) -> Score:
+        return score
+
+    return Measured(score, over)
+
+
+def nonfinite_pixels(image: Image) -> int:
+    """How many pixels have a channel that is not finite. image: (h, w, 3)."""
+    return int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
+
+
+def same_size(estimate: Estimate, reference: Reference) -> None:
+    """PenumbraError where the two differ in size, which is the caller's error."""
+    if estimate.mean.shape != reference.mean.shape:
+        raise PenumbraError(
+            f"images of different sizes: {_size(estimate.mean)} against a reference of {_size(reference.mean)}"
+        )
+
+
+def defect(estimate: Estimate, reference: Reference) -> str | None:
+    """Why these two cannot be compared, or None. Raises PenumbraError where their sizes differ."""
+    same_size(estimate, reference)
+    for image, whose in ((estimate.mean, "the estimate"), (reference.mean, "the reference")):
+        if count := nonfinite_pixels(image):
+            return f"{count:,} of {image.shape[0] * image.shape[1]:,} pixels of {whose} are not finite"
+    if count := nonfinite_pixels(np.where(reference.variance >= 0, reference.variance, np.nan)):
+        return f"the reference's variance is undefined in {count:,} pixels"
+    return None
+
+
+def _size(image: Image) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"

@@ -1,0 +1,60 @@
+"""What made a record: versions, commit, machine. Found out once a process, stamped with the time on every record."""
+
+from __future__ import annotations
+
+import functools
+import os
+import platform
+import subprocess
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from pipeline.schema.record import Provenance
+from pipeline.store.machine import machine
+
+PACKAGES = ("numpy", "scipy", "embreex", "trimesh", "mitsuba", "openimageio", "scikit-image", "flip-evaluator")
+
+
+def provenance() -> Provenance:
+    """Of this process, now."""
+    return _of_this_process().model_copy(update={"created": datetime.now(UTC).isoformat(timespec="seconds")})
+
+
+@functools.cache
+def _of_this_process() -> Provenance:
+    from renderer import fingerprint
+
+    return Provenance(
+        penumbra=metadata.version("penumbra"),
+        renderer=fingerprint(),
+        commit=_commit(),
+        versions={name: version for name in PACKAGES if (version := _version(name))},
+        python=platform.python_version(),
+        machine=machine(),
+        cores=os.cpu_count() or 1,
+        created="",
+    )
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """The commit of the checkout that the code runs from, `+` after it if files differ; None outside a checkout."""
+    here = str(Path(__file__).parent)
+    try:
+        _git(here, "ls-files", "--error-unmatch", Path(__file__).name)  # a virtual environment may lie in a foreign one
+        head = _git(here, "rev-parse", "HEAD")
+        return head + ("+" if _git(here, "status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _git(folder: str, *arguments: str) -> str:
+    command = ["git", "-C", folder, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()

@@ -1,0 +1,200 @@
+"""The folder of a run.
+
+    manifest.json                                       what the run is to hold
+    cells/<key>/{record.json,image.exr,state.npz}       one finished render; state.npz is its film in float64
+    references/...                                      as `pipeline.references.cache` lays them out
+    scores/<key>/{card.json,error.exr}                  one render scored against one reference
+    regions/<key>/{map.json,regions.exr}                which part of a scene's picture is lit, penumbra, umbra ... (pipeline/run/region_maps.py)
+    report/                                             what `penumbra report` wrote
+
+Cells and scores are addressed by content, written whole (see `pipeline.store.sealed_folder`) and verified when read, so
+that a run can be killed at any moment and started again. One run at a time works in a folder.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import shutil
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ValidationError
+
+from pipeline.schema.manifest import CellEntry, LeftOut, Manifest
+from pipeline.schema.record import Record, ScoreCard
+from pipeline.schema.sweep import Study
+from pipeline.store.sealed_folder import Writer, damage, write_entry, write_file
+from scenes.errors import PenumbraError
+
+Arrays = Mapping[str, NDArray[Any]]
+M = TypeVar("M", bound=BaseModel)
+
+OWN_HIDDEN = (".lock", ".scratch", ".manifest.json.")  # what a run that was killed at its very start may leave
+
+
+class DamagedEntryError(Exception):
+    """An entry of the store is there and not whole; it has to be made again."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """Reads and writes one run folder. `root` is the folder; every path in a record is relative to it."""
+
+    root: Path
+
+    @property
+    def scratch(self) -> Path:
+        """Where drafts lie until they are whole."""
+        return self.root / ".scratch"
+
+    def image_path(self, key: str) -> Path:
+        """The EXR of a cell."""
+        return self.root / "cells" / key / "image.exr"
+
+    def write_cell(self, record: Record, image: Writer, state: Arrays) -> None:
+        """Store a finished cell under `record.key`. image: writes the EXR to the path that it is given. state: the film in float64."""
+        writers: dict[str, Writer] = {
+            "record.json": lambda path: _write_model(path, record),
+            "image.exr": image,
+            "state.npz": lambda path: _write_arrays(path, state),
+        }
+        write_entry(self.root / "cells" / record.key, self.scratch, writers)
+
+    def read_cell(self, key: str, verify: bool = True) -> Record | None:
+        """The record of a cell, None if there is none; DamagedEntryError if it is not whole. verify: check every byte, not the record alone."""
+        return self._read(self.root / "cells" / key, "record.json", Record, verify)
+
+    def read_state(self, key: str) -> dict[str, NDArray[Any]]:
+        """The float64 film of a cell: what `write_cell` was given."""
+        with np.load(self.root / "cells" / key / "state.npz", allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+
+    def write_score(self, key: str, card: ScoreCard, error_map: Writer | None) -> None:
+        """Store the scores of a cell, and its error map where there is one."""
+        writers: dict[str, Writer] = {"card.json": lambda path: _write_model(path, card)}
+        if error_map is not None:
+            writers["error.exr"] = error_map
+        write_entry(self.root / "scores" / key, self.scratch, writers)
+
+    def read_score(self, key: str, verify: bool = True) -> ScoreCard | None:
+        """The scores under `key`, None if there are none; DamagedEntryError if they are not whole."""
+        return self._read(self.root / "scores" / key, "card.json", ScoreCard, verify)
+
+    def _read(self, entry: Path, name: str, model: type[M], verify: bool) -> M | None:
+        if not entry.exists():
+            return None
+        problem = damage(entry) if verify else None
+        if problem:
+            raise DamagedEntryError(f"{entry}: {problem}")
+        try:
+            return model.model_validate_json((entry / name).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise DamagedEntryError(f"{entry}: {name} cannot be read") from error
+
+    def write_manifest(self, manifest: Manifest) -> None:
+        """Replace `manifest.json`, atomically and durably."""
+        write_file(self.root / "manifest.json", manifest.model_dump_json(indent=1))
+
+    def read_manifest(self) -> Manifest:
+        """The manifest; PenumbraError if the folder holds no run or the manifest of another version."""
+        path = self.root / "manifest.json"
+        try:
+            return Manifest.model_validate_json(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise PenumbraError(f"{self.root}: no run here: {path} cannot be read ({error.strerror})") from error
+        except ValidationError as error:
+            raise PenumbraError(f"{path}: not a manifest that this version reads; run the sweep again") from error
+
+    @contextmanager
+    def locked(self) -> Generator[None]:
+        """Keep other runs out of the folder, for as long as this process lives at most; sweeps up drafts that a killed run left."""
+        with (self.root / ".lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise PenumbraError(f"{self.root}: another run is at work in this folder") from error
+            shutil.rmtree(self.scratch, ignore_errors=True)
+            yield
+            shutil.rmtree(self.scratch, ignore_errors=True)
+
+
+def create_store(root: Path) -> Store:
+    """The store in folder `root`, made if need be; PenumbraError if it cannot be written or holds something else than a run."""
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        strangers = [path.name for path in root.iterdir() if not path.name.startswith(OWN_HIDDEN)]
+        (root / ".lock").touch()
+    except OSError as error:
+        raise PenumbraError(f"{root}: cannot write to this folder: {error.strerror}") from error
+    if strangers and "manifest.json" not in strangers:
+        (root / ".lock").unlink()
+        raise PenumbraError(f"{root}: holds {strangers[0]} and no run; name a new or an empty folder")
+    return Store(root)
+
+
+@dataclass(frozen=True)
+class FinishedCell:
+    """A cell that was rendered, with its scores where it was scored."""
+
+    entry: CellEntry
+    record: Record
+    card: ScoreCard | None
+
+
+@dataclass(frozen=True)
+class FinishedStudy:
+    """What a run has of one study. missing: cells not rendered yet, or damaged."""
+
+    study: Study
+    cells: tuple[FinishedCell, ...]
+    missing: int
+    left_out: tuple[LeftOut, ...]
+
+
+@dataclass(frozen=True)
+class Run:
+    """All that a report is made of."""
+
+    root: Path
+    manifest: Manifest
+    studies: tuple[FinishedStudy, ...]
+
+
+def load_run(root: Path) -> Run:
+    """Read a run folder, finished or not; PenumbraError if there is no run in it. Renders nothing and writes nothing."""
+    store = Store(root)
+    manifest = store.read_manifest()
+    studies: list[FinishedStudy] = []
+    for study, entry in zip(manifest.sweep.study, manifest.studies, strict=True):
+        cells = tuple(cell for cell in (_finished(store, item) for item in entry.cells) if cell is not None)
+        studies.append(FinishedStudy(study, cells, len(entry.cells) - len(cells), tuple(entry.left_out)))
+    return Run(root, manifest, tuple(studies))
+
+
+def _finished(store: Store, entry: CellEntry) -> FinishedCell | None:
+    try:
+        record = store.read_cell(entry.key, verify=False)
+    except DamagedEntryError:
+        return None
+    return FinishedCell(entry, record, _card(store, entry)) if record is not None else None
+
+
+def _card(store: Store, entry: CellEntry) -> ScoreCard | None:
+    try:
+        return store.read_score(entry.score, verify=False)
+    except DamagedEntryError:
+        return None
+
+
+def _write_model(path: Path, model: BaseModel) -> None:
+    path.write_text(model.model_dump_json(indent=1), encoding="utf-8")
+
+
+def _write_arrays(path: Path, arrays: Arrays) -> None:
+    with path.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)

@@ -1,0 +1,214 @@
+"""Do all estimators show the same picture? Every pair of them, and each against a reference, with intervals.
+
+Estimators that share an idea may share a mistake, and a reference of Mitsuba's may not exist: a matrix of independent techniques
+that agree is the stronger evidence. What claims to be unbiased is compared; what its own samples say is not to be believed is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from pipeline.progress import Update
+from pipeline.references.protocol import ReferenceImage
+from pipeline.run.job import statistics
+from pipeline.statistics.numerics import normal_tail
+from pipeline.statistics.welch import Moments, TestResult, compare_images, sidak_level, vary_alike
+from pipeline.studies.moments import of_reference, of_render
+from renderer import build, render
+from renderer.build import RenderScene
+from renderer.estimators.direction_sampling import DirectionSampling
+from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
+from scenes.description import SceneDescription
+from scenes.errors import PenumbraError
+
+GRID = 4  # rows and columns at most
+LEAST_SPP = 16  # below, the spread of a pixel's samples says too little of their variance
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="null")
+
+
+class Member(_Row):
+    """One estimator's image. mean, se: of the image's luminance-free mean over pixels and channels. verdict: "refused" if it does not apply."""
+
+    name: str
+    verdict: Literal["ok", "untrustworthy", "refused"]
+    reason: str
+    mean: float = float("nan")
+    se: float = float("nan")
+    seconds: float = float("nan")
+
+
+class Pair(_Row):
+    """Two that were compared. difference: (a - b) / b of the image means, with its 95 % interval. p: the least of the image mean's and of
+    the grid's of regions; where: what it is of. smallest_detectable: the smallest relative bias of the image mean that would have been seen."""
+
+    a: str
+    b: str
+    difference: float
+    low: float
+    high: float
+    p: float
+    where: str
+    smallest_detectable: float
+    agree: bool
+
+
+class Agreement(_Row):
+    """All of a scene. agree: whether no pair differs at `alpha` for the whole matrix."""
+
+    scene: str
+    spp: int
+    alpha: float
+    reference: str | None
+    members: list[Member]
+    pairs: list[Pair]
+    agree: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An image to be compared: its name and its moments. by_chance: whether its samples met lights by chance."""
+
+    name: str
+    moments: Moments
+    by_chance: bool = False
+    reference: bool = False
+
+
+def agreement(
+    scene: SceneDescription,
+    *,
+    estimators: Sequence[str] | None = None,
+    spp: int = 64,
+    seed: int = 0,
+    alpha: float = 0.01,
+    threads: int = 1,
+    reference: tuple[str, ReferenceImage] | None = None,
+    update: Update | None = None,
+) -> Agreement:
+    """Render a scene with every unbiased estimator that applies (or those named) and compare all pairs.
+
+    reference: a backend's name and image, which joins them. alpha: chance of a false alarm anywhere in the matrix, Sidak.
+    Raises PenumbraError for spp < 16, for unknown names, and where fewer than two are left to compare.
+    """
+    if spp < LEAST_SPP:
+        raise PenumbraError(f"spp is {spp}: at least {LEAST_SPP} are needed to judge the spread of a pixel's samples")
+    built = build(scene)
+    names = _chosen(estimators)
+    members: list[Member] = []
+    candidates: list[Candidate] = []
+    for i, name in enumerate(names):
+        member, candidate = _render(built, name, spp, seed + i, threads)
+        members.append(member)
+        candidates += [candidate] if candidate is not None else []
+        if update:
+            update(i + 1)
+    if reference is not None:
+        label, image = reference
+        candidates.append(Candidate(label, of_reference(image), reference=True))
+    if len(candidates) < 2:
+        raise PenumbraError(f"scene {scene.name!r}: fewer than two images are left to compare")
+    level = sidak_level(alpha, len(candidates) * (len(candidates) - 1))  # two families a pair
+    pairs = [_pair(a, b, level) for a, b in combinations(candidates, 2)]
+    return Agreement(
+        scene=scene.name,
+        spp=spp,
+        alpha=alpha,
+        reference=reference[0] if reference else None,
+        members=members,
+        pairs=pairs,
+        agree=all(p.agree for p in pairs),
+    )
+
+
+def _chosen(estimators: Sequence[str] | None) -> list[str]:
+    """All estimators that can be compared, or those that were asked for; PenumbraError for one that is named twice."""
+    if estimators is None:
+        return [name for name in ESTIMATORS.names() if _comparable(name, named=False)]
+    if twice := [name for i, name in enumerate(estimators) if name in estimators[:i]]:
+        raise PenumbraError(f"estimator {twice[0]!r} is given more than once: name each once")
+    return [name for name in estimators if _comparable(name, named=True)]
+
+
+def _comparable(name: str, named: bool) -> bool:
+    """Whether an estimator claims to be unbiased in the light; one that was asked for by name and does not is an error."""
+    estimator = ESTIMATORS[name]
+    why = estimator.bias or (None if estimator.quantity == RADIANCE else "its quantity is another")
+    if named and why:
+        raise PenumbraError(f"estimator {name!r} cannot be compared: {why}")
+    return why is None
+
+
+def _render(built: RenderScene, name: str, spp: int, seed: int, threads: int) -> tuple[Member, Candidate | None]:
+    """Seeds differ between estimators: those that share directions would else share their noise."""
+    if why := ESTIMATORS[name].refuses(built.description):
+        return Member(name=name, verdict="refused", reason=why), None
+    result = render(built, estimator=name, spp=spp, seed=seed, threads=threads)
+    found = statistics(result)
+    member = Member(
+        name=name,
+        verdict=found.verdict,
+        reason=found.reason,
+        mean=float(result.image.mean()),
+        se=_standard_error(result.variance),
+        seconds=result.seconds.cpu,
+    )
+    return member, Candidate(
+        name, of_render(result, spp), isinstance(ESTIMATORS[name], DirectionSampling)
+    ) if found.verdict == "ok" else None
+
+
+def _standard_error(variance: NDArray[np.float64]) -> float:
+    """Of the mean over pixels and channels. variance: (h, w, 3). The channels of a pixel share their samples: taken to go together."""
+    deviation = np.sqrt(variance).mean(axis=2)
+    return float(np.sqrt((deviation * deviation).sum()) / deviation.size)
+
+
+def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
+    families = _families(a, b, level)
+    image, least = families[0], min(families, key=lambda family: family.p)
+    ours, theirs = float(a.moments.mean.mean()), float(b.moments.mean.mean())
+    error = np.hypot(_standard_error(a.moments.variance), _standard_error(b.moments.variance))
+    reach = normal_tail(0.025) * float(error)  # sums over thousands of pixels: normal
+    scale = abs(theirs) if theirs else float("nan")
+    return Pair(
+        a=a.name,
+        b=b.name,
+        difference=(ours - theirs) / scale,
+        low=(ours - theirs - reach) / scale,
+        high=(ours - theirs + reach) / scale,
+        p=least.p,
+        where=_where(least),
+        smallest_detectable=image.smallest_detectable,
+        agree=not any(family.reject for family in families),
+    )
+
+
+def _families(a: Candidate, b: Candidate, level: float) -> list[TestResult]:
+    """The tests of the image mean and of the regions; of the mean alone where nothing holds up the variance of a region's few finds.
+
+    So it is where one of two estimators finds light by chance or varies far more than the other. A reference knows the light of each
+    region: there few finds have a test of their own (few_events.py).
+    """
+    height, width = a.moments.mean.shape[:2]
+    families = compare_images(a.moments, b.moments, (min(GRID, height), min(GRID, width)), level)[:2]
+    alike = vary_alike(a.moments, b.moments) and vary_alike(b.moments, a.moments)
+    return families if b.reference or (alike and not (a.by_chance or b.by_chance)) else families[:1]
+
+
+def _where(test: TestResult) -> str:
+    """The image, or the region of the grid with the smallest p, counted from the top left."""
+    if test.p_map is None or test.p_map.size == 1:
+        return test.name
+    rows, columns = test.p_map.shape
+    row, column = divmod(int(np.argmin(test.p_map)), columns)
+    return f"row {row + 1} of {rows}, column {column + 1} of {columns}"

@@ -1,0 +1,226 @@
+"""Shapes met by formula, in float64: spheres, disks, emitting rectangles and small emitting meshes, as hits and as occluders.
+
+Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor is still above it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.math.vectors import Floats, dot
+
+RECTANGLE, DISK, SPHERE, TRIANGLE = 0, 1, 2, 3
+BLOCK = 8  # quadrics tested at once: bounds the (block, n) temporaries
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrics:
+    """All quadrics of a scene, told apart by `kind`; unused parameters are 0.
+
+    kind: (k,) RECTANGLE, DISK, SPHERE or TRIANGLE. shape: (k,). origin: (3, k), a corner or a centre.
+    x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose products with a point's
+    offset are its coordinates along the two edges. normal: (3, k), the emitting side of flat ones.
+    radius: (k,). side: (k,), -1 for a sphere whose normal points inwards.
+    """
+
+    kind: NDArray[np.int8]
+    shape: NDArray[np.int64]
+    origin: Floats
+    x: Floats
+    y: Floats
+    lx: Floats
+    ly: Floats
+    normal: Floats
+    radius: Floats
+    side: Floats
+
+    def __len__(self) -> int:
+        return self.shape.size
+
+    def closest(
+        self, among: NDArray[np.int64], o: Floats, d: Floats, own: NDArray[np.int64] | None = None
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the quadrics `among`: t (n,), inf for none, and which (n,).
+
+        own: (n,) the quadric that each ray leaves, -1 for none, handled as in `occluded`.
+        """
+        n = d.shape[1]
+        best, which = np.full(n, np.inf), np.full(n, -1, dtype=np.int64)
+        for kind, block in self._blocks(among):
+            near, far = self._roots(kind, block, o, d)
+            if own is not None:
+                near, far = self._leave(kind, block, o, d, near, far, own)
+            t = np.where(near > 0, near, np.where(far > 0, far, np.inf))
+            j = t.argmin(axis=0)
+            t = np.take_along_axis(t, j[None], axis=0)[0]
+            closer = t < best
+            best = np.where(closer, t, best)
+            which = np.where(closer, block[j], which)
+        return best, which
+
+    def occluded(
+        self,
+        among: NDArray[np.int64],
+        o: Floats,
+        d: Floats,
+        tmin: Floats,
+        tmax: Floats,
+        own: NDArray[np.int64],
+        goal: NDArray[np.int64],
+    ) -> NDArray[np.bool_]:
+        """(n,): whether a quadric of `among` lies on the ray between tmin and tmax, each (n,).
+
+        own, goal: (n,) the quadrics that the ray leaves and goes to, -1 for none. The goal never blocks; what the ray
+        leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance; tmin and tmax are there for
+        other quadrics that touch either of them.
+        """
+        blocked = np.zeros(d.shape[1], dtype=np.bool_)
+        for kind, block in self._blocks(among):
+            near, far = self._roots(kind, block, o, d)
+            near, far = self._leave(kind, block, o, d, near, far, own)
+            hit = ((near > tmin) & (near < tmax)) | ((far > tmin) & (far < tmax))
+            blocked |= (hit & (block[:, None] != goal)).any(axis=0)
+        return blocked
+
+    def surface(self, which: NDArray[np.int64], p: Floats) -> tuple[Floats, Floats]:
+        """Points p (3, n) moved onto their quadrics, and the unit normals there (3, n)."""
+        origin, sphere = self.origin[:, which], self.kind[which] == SPHERE
+        away = p - origin
+        with np.errstate(invalid="ignore", divide="ignore"):
+            radial = away / np.sqrt(dot(away, away))
+        on_sphere = origin + radial * self.radius[which]
+        height = dot(away, self.normal[:, which])
+        on_plane = p - self.normal[:, which] * height
+        return np.where(sphere, on_sphere, on_plane), np.where(sphere, radial * self.side[which], self.normal[:, which])
+
+    def _blocks(self, among: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        for kind in (RECTANGLE, DISK, SPHERE, TRIANGLE):
+            members = among[self.kind[among] == kind]
+            for start in range(0, members.size, BLOCK):
+                yield kind, members[start : start + BLOCK]
+
+    def _leave(
+        self,
+        kind: int,
+        block: NDArray[np.int64],
+        o: Floats,
+        d: Floats,
+        near: Floats,
+        far: Floats,
+        own: NDArray[np.int64],
+    ) -> tuple[Floats, Floats]:
+        """The roots (b, n) without the surface that the ray leaves, which is met again only by a sphere left inwards."""
+        leaves = block[:, None] == own
+        inwards = np.zeros_like(leaves)
+        if kind == SPHERE:
+            inwards = dot(o[:, None, :] - self.origin[:, block, None], d[:, None, :]) < 0
+        # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if ahead.
+        return np.where(leaves, -np.inf, near), np.where(leaves & ~inwards, -np.inf, far)
+
+    def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
+        """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none. Flat quadrics have one."""
+        to_origin = self.origin[:, block, None] - o[:, None, :]
+        d = d[:, None, :]
+        if kind == SPHERE:
+            return _sphere_roots(to_origin, d, self.radius[block, None])
+        normal = self.normal[:, block, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = dot(to_origin, normal) / dot(d, normal)
+            on = d * t - to_origin
+            if kind == DISK:
+                inside = dot(on, on) <= self.radius[block, None] ** 2
+            else:
+                a, b = dot(on, self.x[:, block, None]), dot(on, self.y[:, block, None])
+                inside = (a >= 0) & (b >= 0)
+                if kind == RECTANGLE:
+                    inside &= (a <= self.lx[block, None]) & (b <= self.ly[block, None])
+                else:
+                    inside &= a + b <= 1
+        t = np.where(inside, t, -np.inf)
+        return t, np.full_like(t, -np.inf)
+
+
+def _sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats, Floats]:
+    """Both roots of |t d - c| = r for unit d, without cancellation [haines2019]. A miss gives -inf."""
+    along = dot(to_center, d)
+    off = to_center - d * along
+    half = radius * radius - dot(off, off)
+    root = np.sqrt(np.maximum(half, 0.0))
+    q = along + np.copysign(root, along)
+    distance = np.sqrt(dot(to_center, to_center))
+    power = (distance - radius) * (distance + radius)
+    other = np.divide(power, q, out=np.zeros_like(q), where=q != 0)
+    miss = half < 0
+    near, far = np.minimum(q, other), np.maximum(q, other)
+    return np.where(miss, -np.inf, near), np.where(miss, -np.inf, far)
+
+
+def sphere(shape: int, center: Floats, radius: float, reverse: bool) -> Quadrics:
+    """One sphere. center: (3,)."""
+    return _single(SPHERE, shape, center, radius=radius, side=-1.0 if reverse else 1.0)
+
+
+def disk(shape: int, center: Floats, normal: Floats, radius: float) -> Quadrics:
+    """One disk. center, normal: (3,)."""
+    return _single(DISK, shape, center, radius=radius, normal=normal)
+
+
+def rectangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
+    """One rectangle. corners: (4, 3) in the order p00 p10 p01 p11; one without area gets NaN, and is refused as a light."""
+    ex, ey = corners[1] - corners[0], corners[2] - corners[0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lx, ly = float(np.linalg.norm(ex)), float(np.linalg.norm(ey))
+        normal = np.cross(ex, ey)
+        normal = normal / np.linalg.norm(normal) * (-1.0 if reverse else 1.0)
+        return _single(RECTANGLE, shape, corners[0], x=ex / lx, y=ey / ly, lx=lx, ly=ly, normal=normal)
+
+
+def triangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
+    """One triangle. corners: (3, 3), a corner a row; one without area gets NaN, and is refused as a light."""
+    a, b = corners[1] - corners[0], corners[2] - corners[0]
+    normal = np.cross(a, b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square = normal @ normal
+        x, y = np.cross(b, normal) / square, np.cross(normal, a) / square
+        normal = normal / np.sqrt(square) * (-1.0 if reverse else 1.0)
+    return _single(TRIANGLE, shape, corners[0], x=x, y=y, normal=normal)
+
+
+def _single(
+    kind: int,
+    shape: int,
+    origin: Floats,
+    x: Floats | None = None,
+    y: Floats | None = None,
+    lx: float = 0.0,
+    ly: float = 0.0,
+    normal: Floats | None = None,
+    radius: float = 0.0,
+    side: float = 1.0,
+) -> Quadrics:
+    def column(v: Floats | None) -> Floats:
+        return np.zeros((3, 1)) if v is None else np.asarray(v, dtype=np.float64)[:, None]
+
+    return Quadrics(
+        np.array([kind], dtype=np.int8),
+        np.array([shape], dtype=np.int64),
+        column(origin),
+        column(x),
+        column(y),
+        np.array([lx]),
+        np.array([ly]),
+        column(normal),
+        np.array([radius]),
+        np.array([side]),
+    )
+
+
+def join(parts: list[Quadrics]) -> Quadrics:
+    """All quadrics of a list, in order; none are an object of length 0."""
+    end = None if parts else 0
+    some = parts or [_single(SPHERE, 0, np.zeros(3))]  # for the shapes of its arrays alone
+    return Quadrics(*(np.concatenate([getattr(p, f.name) for p in some], axis=-1)[..., :end] for f in fields(Quadrics)))

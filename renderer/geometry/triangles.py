@@ -1,0 +1,151 @@
+"""Triangles by Embree's BVH; the only import of embreex.
+
+Embree works in float32, so the triangles are moved to the origin and scaled to [-1, 1] first, hits are worked out anew
+in float64 from the triangle that Embree names, and shadow rays start off the surface by a bound on what float32 may
+have lost: rounding grows with the coordinates and with the size of the triangle, and so does the bound.
+"""
+
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from renderer.math.vectors import Floats, dot, gather, normalize
+
+ULP = 2.0**-24  # half a unit in the last place of a float32 in [1, 2), relative
+# A corner moves by one ULP of its coordinates, the plane's distance is the sum of three products of such differences,
+# and the origin itself is rounded: twelve roundings in all, of up to sqrt(3) each for the diagonal.
+ROUNDINGS = 24.0
+SLENDER = 100.0  # length over height of the slimmest triangle that the bound is good for
+FAR = 4.0  # in Embree's units, where the scene spans [-1, 1]: rays from farther away are started nearer
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """v0, normal: (3, t) float64, world space; shape: (t,); bound: (t,) size that float32 rounding scales with.
+
+    largest: the largest of these bounds but for slivers.
+
+    center: (3, 1) and scale map world space to Embree's.
+    """
+
+    v0: Floats
+    normal: Floats
+    shape: NDArray[np.int64]
+    bound: Floats
+    largest: float
+    center: Floats
+    scale: float
+    mesh: tuple[NDArray[np.float32], NDArray[np.int32]]  # all of them, in Embree's units
+    member: NDArray[np.int64]  # those that Embree was given
+    bvh: EmbreeScene
+
+    def only(self, keep: NDArray[np.bool_]) -> Triangles:
+        """The same triangles, of which only those to keep (t,) are met."""
+        vertices, faces = self.mesh
+        return replace(self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep])))
+
+    def closest(self, o: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """First triangle on each ray: distance (n,) in float64, inf for none, and its index (n,), -1 for none.
+
+        o: (3, 1), one camera for all rays. d: (3, n), unit.
+        """
+        start = (o - self.center) * self.scale
+        if dot(start, start)[0] > FAR * FAR:  # float32 has no digits left out there: go to where the scene is near
+            ahead = np.maximum(-dot(start, d) - FAR, 0.0)
+            start = start + d * ahead
+        else:
+            start = np.broadcast_to(start, d.shape)
+        return self._first(o, start, d)
+
+    def closest_from(
+        self, p: Floats, n: Floats, triangle: NDArray[np.int64], wi: Floats
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """As `closest`, for rays wi (3, n) that leave surfaces: p, n: (3, n) points and normals, triangle: (n,) as in `occluded`."""
+        return self._first(p, self._lifted(p, n, self._own(triangle)), wi)
+
+    def _first(self, o: Floats, start: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """The hits of rays that start at `start` (3, n) in Embree's units, their distances from o (3, n) or (3, 1)."""
+        hit: NDArray[np.int32] = self.bvh.run(start.astype(np.float32).T, d.astype(np.float32).T)
+        row = self.member.take(np.maximum(hit, 0))
+        index = np.where(hit >= 0, row, -1)
+        normal = self.normal.take(row, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = dot(self.v0.take(row, axis=1) - o, normal) / dot(d, normal)
+        found = (index >= 0) & (t > 0)
+        return np.where(found, t, np.inf), np.where(found, index, -1)
+
+    def _own(self, triangle: NDArray[np.int64]) -> Floats:
+        """(n,) the bounds of the triangles that points lie on, 0 for none."""
+        return np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
+
+    def occluded(self, p: Floats, n: Floats, triangle: NDArray[np.int64], y: Floats, ny: Floats) -> NDArray[np.bool_]:
+        """(n,): whether a triangle lies between points p and points y on lights.
+
+        n: (3, n) the normals at p. ny: (3, n) or (3, 1), the lights' normals at y, on the side of p. triangle: (n,) the
+        one that p lies on, -1 for none. Both ends are lifted off their surfaces, so that neither p's own triangle nor
+        what touches the light from behind lies in between; what is nearer than that to either is not seen.
+        """
+        start = self._lifted(p, n, self._own(triangle))
+        way = self._lifted(y, ny, self.largest) - start
+        reach = np.ones(p.shape[1], dtype=np.float32)
+        out: NDArray[np.int32] = self.bvh.run(
+            start.astype(np.float32).T, way.astype(np.float32).T, dists=reach, query="OCCLUDED"
+        )
+        return out == 0
+
+    @property
+    def lift(self) -> float:
+        """How far off its surface, at most, a ray starts; world units. Slivers apart."""
+        return self.largest * ROUNDINGS * ULP
+
+    def _lifted(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
+        """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of ulp."""
+        q = np.abs(p - self.center)
+        size = np.maximum(np.maximum(q[0], q[1]), q[2]) + bound
+        return (p + n * (size * (ROUNDINGS * ULP)) - self.center) * self.scale
+
+
+def make_triangles(
+    vertices: Floats, faces: NDArray[np.int64], shape: NDArray[np.int64], reverse: NDArray[np.bool_]
+) -> Triangles:
+    """vertices: (m, 3). faces: (t, 3). shape, reverse: (t,). A triangle without area keeps a zero normal and is never hit."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    center = (low + high) / 2
+    half = float(np.max(high - low)) / 2
+    scale = 1.0 / half if half > 0 else 1.0
+    corners = vertices[faces]  # (t, 3, 3)
+    normal = normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).T)
+    normal = np.where(np.isfinite(normal), normal, 0.0) * np.where(reverse, -1.0, 1.0)
+    bound = _bounds(corners, center)
+    largest = float(np.abs(vertices - center).max() + np.ptp(corners, axis=1).max())
+    mesh = (((vertices - center) * scale).astype(np.float32), faces.astype(np.int32))
+    first = np.ascontiguousarray(corners[:, 0].T)
+    return Triangles(
+        first, normal, shape, bound, largest, center[:, None], scale, mesh, np.arange(len(faces)), _bvh(*mesh)
+    )
+
+
+def _bounds(corners: Floats, center: Floats) -> Floats:
+    """(t,) what rounding scales with: a triangle's distance from the centre, and its size times its slenderness.
+
+    The normal that Embree computes is off by an angle of ULP times length over height, and the plane by that angle over
+    the length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays off it would leak light.
+    """
+    edges = corners[:, [1, 2, 0]] - corners
+    square = (edges * edges).sum(axis=2).max(axis=1)
+    double = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    slender = np.minimum(np.divide(square, double, out=np.full_like(double, SLENDER), where=double > 0), SLENDER)
+    return np.sqrt(square) * slender + np.abs(corners - center).max(axis=(1, 2))
+
+
+def _bvh(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> EmbreeScene:
+    bvh = EmbreeScene()
+    TriangleMesh(bvh, vertices, faces)
+    return bvh

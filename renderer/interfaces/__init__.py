@@ -1,0 +1,1 @@
+"""The protocols of the plug-ins, each with its registry."""

@@ -1,0 +1,1 @@
+"""Sampling that several kinds of light share."""

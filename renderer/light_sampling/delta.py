@@ -1,0 +1,111 @@
+"""What lights of a single direction have in common: they are sampled with certainty and never met by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.interfaces.light import DirectionSampler, Index
+from renderer.math.vectors import Floats, dot
+from renderer.records import LightSample
+from scenes.errors import Location, SceneError
+
+TECHNIQUES = ("area", "solid-angle", "projected-solid-angle", "environment", "environment-compensated")
+
+
+@runtime_checkable
+class Arrival(Protocol):
+    """What a light of a single direction must tell."""
+
+    def arrive(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Floats]:
+        """The direction (3, n) and distance (n,) of the light and the irradiance (3, n) or (3, 1) on a surface that faces it.
+
+        Where there is no direction, or no finite number, what is returned is not finite; no warning is given.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DeltaSampling:
+    """The light's one direction, whatever u; its density counts as 1 [pharr2023, sec. 12.2]."""
+
+    light: Arrival
+
+    def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
+        """See `DirectionSampler`. Not valid where nothing arrives, at the light itself, and where numbers overflow."""
+        wi, dist, irradiance = self.light.arrive(index, ref_p)
+        return LightSample(wi, dist, -wi, irradiance, np.ones(dist.size), _arrives(wi, irradiance))
+
+    def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
+        """See `DirectionSampler`: 0, since no other technique ever finds the one direction."""
+        return np.zeros(index.size)
+
+
+def every_technique(light: Arrival) -> Mapping[str, DirectionSampler]:
+    """Under each name the same sampler."""
+    return dict.fromkeys(TECHNIQUES, DeltaSampling(light))
+
+
+def delta_missing(technique: str) -> str | None:
+    """See `LightKind`."""
+    return None if technique in TECHNIQUES else f"lights of one direction have no {technique} sampling"
+
+
+def delta_irradiance(light: Arrival, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
+    """See `LightKind.irradiance`. 0 wherever samples would not be valid."""
+    wi, _, irradiance = light.arrive(index, ref_p)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.where(_arrives(wi, irradiance), np.maximum(dot(wi, ref_n), 0.0) * irradiance, 0.0)
+
+
+def towards(position: Floats, ref_p: Floats) -> tuple[Floats, Floats]:
+    """Unit vectors (3, n) and distances (n,) to positions (3, n) or (3, 1); NaN vectors at distance 0.
+
+    Scaled by the largest component first: squares of distances beyond 1e154 or below 1e-154 would over- or underflow.
+    """
+    with np.errstate(all="ignore"):
+        d = position - ref_p
+        size = np.maximum(np.maximum(np.abs(d[0]), np.abs(d[1])), np.abs(d[2]))
+        d = d / size
+        length = np.sqrt(dot(d, d))
+        return d / length, np.where(size > 0, size * length, 0.0)
+
+
+def fall_off(intensity: Floats, dist: Floats) -> Floats:
+    """I/d^2, (3, n); not finite where it is beyond the range of numbers."""
+    with np.errstate(all="ignore"):
+        return intensity / dist / dist
+
+
+def light_values(values: Floats, what: str, where: Location | None) -> Floats:
+    """The three values of a light; SceneError where they are no amounts of light."""
+    if not (np.isfinite(values) & (values >= 0)).all():
+        raise SceneError(f"{what} must be finite and not negative, not {', '.join(f'{v:.6g}' for v in values)}", where)
+    return values
+
+
+def finite_vector(vector: Floats, what: str, where: Location | None) -> Floats:
+    """A position; SceneError where it is none."""
+    if not np.isfinite(vector).all():
+        raise SceneError(f"{what} must be finite, not {', '.join(f'{v:.6g}' for v in vector)}", where)
+    return vector
+
+
+def unit_vector(vector: Floats, what: str, where: Location | None) -> Floats:
+    """A direction, made unit; SceneError where it is none."""
+    _, length = towards(finite_vector(vector, what, where)[:, None], np.zeros((3, 1)))
+    if not length[0] > 0:
+        raise SceneError(f"{what} must not be zero", where)
+    return towards(vector[:, None], np.zeros((3, 1)))[0][:, 0]
+
+
+def _arrives(wi: Floats, irradiance: Floats) -> NDArray[np.bool_]:
+    """(n,): whether there is a direction, and a finite amount of light that is not 0."""
+    r, g, b = irradiance
+    # Adding might overflow what is finite.
+    finite = np.isfinite(r) & np.isfinite(g) & np.isfinite(b) & np.isfinite(wi[0])
+    return finite & ((r > 0) | (g > 0) | (b > 0))

@@ -1,0 +1,1 @@
+"""Vectors, maps of the unit square, piecewise distributions: functions over arrays."""

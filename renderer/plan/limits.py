@@ -1,0 +1,44 @@
+"""What this renderer does not do and says so: lights nearer to a surface than rays can be told from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.build import RenderScene
+from renderer.plan.plan import RenderPlan
+from renderer.plan.proofs import Extents, extents, gap, provable
+from scenes.description import ShapeDescription
+from scenes.errors import PenumbraError
+
+# Below so many times the bound on what float32 moves a ray's origin by, shadows are not to be trusted.
+MARGIN = 10.0
+
+
+def check(scene: RenderScene, plan: RenderPlan) -> None:
+    """PenumbraError where a light is nearer to a triangle that it lights than MARGIN bounds, and triangles may lie in between.
+
+    Without triangles in between (the plan proves it) any distance will do: lights and receivers are known by identity.
+    Surfaces that touch a light are not meant: only a rim as wide as the bound is badly shaded there.
+    """
+    triangles = plan.shadow_triangles
+    if triangles is None or not provable(scene):
+        return
+    bound = MARGIN * triangles.lift
+    e = extents(scene)
+    meshes = np.unique(triangles.shape)
+    for source, description in enumerate(scene.sources.all):
+        if not isinstance(description, ShapeDescription):
+            continue
+        for receiver in meshes[plan.shadow[meshes, source] & plan.receivers[meshes]]:
+            _check_pair(scene, e, int(receiver), source, bound)
+
+
+def _check_pair(scene: RenderScene, e: Extents, receiver: int, source: int, bound: float) -> None:
+    apart = gap(e, receiver, source)
+    if e.tolerance < apart < bound:
+        shape = scene.description.shapes[receiver]
+        where = f" ({shape.where})" if shape.where else ""
+        raise PenumbraError(
+            f"light {scene.sources.names[source]} is {apart:.2g} from a surface{where} that it lights, with triangles that may "
+            f"lie in between: shadow rays need {bound:.2g}; move it, or take away what is in between"
+        )

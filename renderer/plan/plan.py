@@ -1,0 +1,200 @@
+"""Which effects a scene calls for, and why: the renderer simulates those and proves that the rest is nothing.
+
+A pruning is made only where the work left out is provably an identity or a zero, so that the pruned image is the
+unpruned one bit for bit. All proofs are about supporting planes: of the axes, of flat shapes, of flat lights.
+Prunings: `emission` (lights out of view), `reach` (receivers that no light can reach), `occlusion` (receiver and light
+with nothing in between), `blockers` (shapes that never shade), `horizon` (lights wholly above a receiver's horizon).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.build import RenderScene
+from renderer.geometry.triangles import Triangles
+from renderer.interfaces.light import Source
+from renderer.math.vectors import Floats
+from renderer.plan.proofs import blocks, crosses, extents, provable, reach
+from renderer.records import SurfaceHit
+from scenes.description import Environment
+
+PRUNINGS = ("emission", "reach", "occlusion", "blockers", "horizon")
+
+Bools = NDArray[np.bool_]
+# Told of samples: points, wi (3, n), the distance to what they would see (n,), and whether they were of use at all and hidden, (n,).
+Witness = Callable[[SurfaceHit, Floats, Floats, Bools, Bools], None]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One effect: whether this scene calls for it, and why. `pruning` is the name to keep it by."""
+
+    effect: str
+    needed: bool
+    reason: str
+    pruning: str
+
+
+@dataclass(frozen=True, eq=False)
+class RenderPlan:
+    """s shapes, q sources of light. in_view: indices of quadrics that a camera ray may meet. receivers: (s,) shapes to shade.
+
+    shadow: (s, q) pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether any light may
+    dip below a receiver's horizon. emits: whether light is seen directly. shadow_triangles, shadow_quadrics: the blockers.
+    witness: told of every sample, for pictures of what an estimator does; None in every render.
+    """
+
+    in_view: NDArray[np.int64]
+    receivers: Bools
+    shadow: Bools
+    horizon: bool
+    emits: bool
+    shadow_triangles: Triangles | None
+    shadow_quadrics: NDArray[np.int64]
+    decisions: tuple[Decision, ...]
+    seconds: float
+    witness: Witness | None = None
+
+
+def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = frozenset()) -> RenderPlan:
+    """The plan for a scene's light. prune False, or a pruning named in `keep`, simulates the effect needed or not."""
+    start = time.perf_counter()
+    active = frozenset(PRUNINGS) - keep if prune else frozenset[str]()
+    count = len(scene.bounds)
+    black = np.all([np.ones(count, dtype=np.bool_), *(kind.black() for kind in scene.materials)], axis=0)
+    proved = _proved(scene, black)
+    visible = np.array([scene.camera.sees(_corners(scene, i)) for i in range(count)], dtype=np.bool_)
+    seen = np.array([_seen(source, visible, int(i)) for source, i in _sources(scene)], dtype=np.bool_)
+    decisions = (
+        _emission(scene, seen),
+        _receivers(black, proved.reach),
+        *_occlusion(scene, proved),
+        _blockers(proved.blockers),
+        _horizon(proved.crosses),
+    )
+    in_view = visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
+    shades = proved.blockers if "blockers" in active else np.ones(count, dtype=np.bool_)
+    shadow_triangles, shadow_quadrics = _shadow_casters(scene, shades)
+    return RenderPlan(
+        in_view=np.flatnonzero(in_view[scene.quadrics.shape]),
+        receivers=proved.lit if "reach" in active else np.ones(count, dtype=np.bool_),
+        shadow=proved.shadow if "occlusion" in active else np.ones_like(proved.shadow),
+        horizon=proved.crosses if "horizon" in active else True,
+        emits=bool(seen.any()) if "emission" in active else True,
+        shadow_triangles=shadow_triangles,
+        shadow_quadrics=shadow_quadrics,
+        decisions=decisions,
+        seconds=time.perf_counter() - start,
+    )
+
+
+def plan_occlusion(scene: RenderScene) -> RenderPlan:
+    """The plan for ambient occlusion: every surface is shaded, black or lit or not, everything shades, no light is seen."""
+    start = time.perf_counter()
+    count = len(scene.bounds)
+    everyone = np.ones(count, dtype=np.bool_)
+    triangles, quadrics = _shadow_casters(scene, everyone)
+    lights = Decision("light", False, "ambient occlusion asks only what is open, not what shines", "none")
+    return RenderPlan(
+        in_view=np.arange(len(scene.quadrics)),
+        receivers=everyone,
+        shadow=np.ones((count, len(scene.sources.all)), dtype=np.bool_),
+        horizon=True,
+        emits=False,
+        shadow_triangles=triangles,
+        shadow_quadrics=quadrics,
+        decisions=(lights,),
+        seconds=time.perf_counter() - start,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Proved:
+    """reach, shadow: (s, q). lit, blockers: (s,). between: (q,) how many shapes may shade what each source sends out."""
+
+    reach: Bools
+    lit: Bools
+    shadow: Bools
+    blockers: Bools
+    between: NDArray[np.int64]
+    crosses: bool
+
+
+def _proved(scene: RenderScene, black: Bools) -> _Proved:
+    """What the proofs leave; everything in a scene that is too large for them."""
+    count, sources = len(scene.bounds), len(scene.sources.all)
+    if not provable(scene):
+        everything = np.ones((count, sources), dtype=np.bool_)
+        lit = ~black & bool(sources)
+        return _Proved(everything, lit, everything, np.ones(count, dtype=np.bool_), np.full(sources, count), True)
+    e = extents(scene)
+    reached, between = reach(scene, e), blocks(scene, e)
+    lit = ~black & reached.any(axis=1)
+    between &= (lit[:, None] & reached)[:, :, None]
+    crossing = bool((crosses(scene, e) & lit[:, None]).any())
+    counts = between.any(axis=0).sum(axis=1)
+    shadow: Bools = np.asarray(between.any(axis=2))
+    blockers: Bools = np.asarray(between.any(axis=(0, 1)))
+    return _Proved(reached, lit, shadow, blockers, counts, crossing)
+
+
+def _sources(scene: RenderScene) -> Iterable[tuple[Source, int]]:
+    return zip(scene.sources.all, scene.sources.shape, strict=True)
+
+
+def _seen(source: Source, visible: Bools, shape: int) -> bool:
+    """Whether a camera ray may meet a light: what has no extent is not seen, what surrounds the scene always may be."""
+    return bool(visible[shape]) if shape >= 0 else isinstance(source, Environment)
+
+
+def _corners(scene: RenderScene, shape: int) -> Floats:
+    """(3, m): points whose hull holds a shape."""
+    low, high = scene.bounds[shape].extent(np.eye(3))
+    choose = np.indices((2, 2, 2)).reshape(3, 8)
+    return np.where(choose == 0, low[:, None], high[:, None])
+
+
+def _shadow_casters(scene: RenderScene, shades: Bools) -> tuple[Triangles | None, NDArray[np.int64]]:
+    triangles = scene.triangles
+    if triangles is not None:
+        keep = shades[triangles.shape]
+        triangles = None if not keep.any() else triangles if keep.all() else triangles.only(keep)
+    return triangles, np.flatnonzero(shades[scene.quadrics.shape])
+
+
+def _emission(scene: RenderScene, seen: Bools) -> Decision:
+    names = [n for n, s in zip(scene.sources.names, seen, strict=True) if s]
+    reason = f"may be seen: {', '.join(names)}" if names else "every light lies outside the view frustum"
+    return Decision("lights seen by the camera", bool(names), reason, "emission")
+
+
+def _receivers(black: Bools, reach: Bools) -> Decision:
+    dark = ~reach.any(axis=1) & ~black
+    reason = f"of {black.size} shapes {int(dark.sum())} are out of reach of all lights and {int(black.sum())} are black"
+    return Decision("shading of every shape", not bool((dark | black).any()), reason, "reach")
+
+
+def _occlusion(scene: RenderScene, proved: _Proved) -> list[Decision]:
+    out: list[Decision] = []
+    for source, name in enumerate(scene.sources.names):
+        pairs = proved.shadow[:, source]
+        reason = f"{int(proved.between[source])} shapes may lie between it and {int(pairs.sum())} receivers"
+        reason = reason if pairs.any() else "nothing can lie between it and any receiver"
+        out.append(Decision(f"shadow rays to {name}", bool(pairs.any()), reason, "occlusion"))
+    return out
+
+
+def _blockers(blockers: Bools) -> Decision:
+    idle = int((~blockers).sum())
+    reason = f"{idle} of {blockers.size} shapes never lie between a receiver and a light"
+    return Decision("all shapes in shadow tests", idle == 0, reason, "blockers")
+
+
+def _horizon(crosses: bool) -> Decision:
+    reason = "a light may dip below the horizon of a receiver" if crosses else "every light is above every horizon"
+    return Decision("horizon tests", crosses, reason, "horizon")

@@ -1,0 +1,165 @@
+"""What can be proved of a scene from planes that separate its shapes: the grounds of the plan.
+
+A shape lies between a receiver and a light only if no plane has it on one side and both of them on the other. The planes
+tried are those normal to an axis or to a flat shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.build import RenderScene
+from renderer.geometry.bounds import TOLERANCE
+from renderer.interfaces.light import Source
+from renderer.math.vectors import Floats
+from scenes.description import DistantLight, PointLight, SpotLight
+
+Bools = NDArray[np.bool_]
+# A distant light whose direction makes less with a plane may pass along it, as far as these proofs are concerned.
+ALONG = 1e-6
+
+
+LARGEST_PROOF = 20_000_000  # entries of the (planes, shapes, shapes) table, beyond which nothing is proved
+
+
+def provable(scene: RenderScene) -> bool:
+    """Whether a scene has something to prove, and not too much of it."""
+    count, sources = len(scene.bounds), len(scene.sources.all)
+    return 0 < (3 + count) * count * count * sources <= LARGEST_PROOF
+
+
+@dataclass(frozen=True, eq=False)
+class Extents:
+    """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1. camera: (m,).
+
+    lamp_low, lamp_high: (m, q) those of the sources. A distant light has inf or -inf for both, an environment -inf to inf.
+    """
+
+    low: Floats
+    high: Floats
+    lamp_low: Floats
+    lamp_high: Floats
+    plane: NDArray[np.int64]
+    camera: Floats
+    tolerance: float
+
+
+def extents(scene: RenderScene) -> Extents:
+    """How far each shape and each source reaches along the normals to try."""
+    flat = [i for i, b in enumerate(scene.bounds) if b.normal is not None]
+    normals = np.array([*np.eye(3), *(b.normal for b in scene.bounds if b.normal is not None)])
+    both = [b.extent(normals) for b in scene.bounds]
+    low, high = np.stack([lo for lo, _ in both], axis=1), np.stack([hi for _, hi in both], axis=1)
+    plane = np.full(len(scene.bounds), -1, dtype=np.int64)
+    plane[flat] = 3 + np.arange(len(flat))
+    camera = np.einsum("qc,c->q", normals, scene.camera.origin[:, 0])
+    scale = float(max(np.abs(low).max(), np.abs(high).max(), np.abs(camera).max()))
+    lamps = [
+        _lamp(source, low, high, normals, int(i))
+        for source, i in zip(scene.sources.all, scene.sources.shape, strict=True)
+    ]
+    lamp_low, lamp_high = (
+        np.stack([np.zeros(len(normals)), *side], axis=1)[:, 1:] for side in zip(*lamps, strict=True)
+    )
+    return Extents(low, high, lamp_low, lamp_high, plane, camera, TOLERANCE * scale)
+
+
+def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int) -> tuple[Floats, Floats]:
+    """Least and greatest of n . x, each (m,), over a source of light."""
+    if isinstance(source, PointLight | SpotLight):
+        at = np.einsum("mc,c->m", normals, source.position)
+        return at, at
+    if isinstance(source, DistantLight):
+        rise = np.einsum("mc,c->m", normals, source.wi)
+        at = np.where(np.abs(rise) > ALONG, np.copysign(np.inf, rise), np.nan)  # NaN: nothing is proved
+        return at, at
+    if shape < 0:
+        return np.full(len(normals), -np.inf), np.full(len(normals), np.inf)
+    return low[:, shape], high[:, shape]
+
+
+def _faces_camera(e: Extents) -> NDArray[np.int64]:
+    """(s,) 1 or -1: the side of its plane from which a flat shape is seen; 0 if it is not flat or seen edge-on."""
+    rows = np.maximum(e.plane, 0)
+    own = np.arange(e.plane.size)
+    above = e.camera[rows] > e.high[rows, own] + e.tolerance
+    below = e.camera[rows] < e.low[rows, own] - e.tolerance
+    return np.where(e.plane < 0, 0, above.astype(np.int64) - below.astype(np.int64))
+
+
+def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:
+    """The row of a flat light's plane, or -1 if it is no shape, is not flat or emits to both sides."""
+    shape = int(scene.sources.shape[source])
+    one_sided = shape >= 0 and not scene.two_sided[shape] and scene.bounds[shape].one_way
+    return int(e.plane[shape]) if one_sided else -1
+
+
+def reach(scene: RenderScene, e: Extents) -> Bools:
+    """(s, q): False where a shape lies behind a one-sided flat light, or its visible side faces away from all of it."""
+    side = _faces_camera(e)
+    columns: list[Bools] = []
+    for source in range(len(scene.sources.all)):
+        rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
+        away_up = (side > 0) & (e.lamp_high[rows, source] < e.low[rows, own] - e.tolerance)
+        away_down = (side < 0) & (e.lamp_low[rows, source] > e.high[rows, own] + e.tolerance)
+        plane = _one_sided_plane(scene, e, source)
+        behind = (
+            e.high[plane] < e.lamp_low[plane, source] - e.tolerance
+            if plane >= 0
+            else np.zeros(own.size, dtype=np.bool_)
+        )
+        columns.append(~(away_up | away_down | behind))
+    return np.stack(columns, axis=1)
+
+
+def blocks(scene: RenderScene, e: Extents) -> Bools:
+    """(s, q, s): whether a shape may lie between a receiver and a light; False only with a plane that separates them."""
+    side = _faces_camera(e)
+    count = e.plane.size
+    out: list[Bools] = []
+    for source, shape in enumerate(scene.sources.shape):
+        apart = np.zeros((count, count), dtype=np.bool_)
+        for low, high, lamp in ((e.low, e.high, e.lamp_low), (-e.high, -e.low, -e.lamp_high)):
+            # The blocker ends at or below where the receiver begins and strictly below the light, or the other way.
+            top, receiver, goal = high[:, None, :], low[:, :, None], lamp[:, source][:, None, None]
+            touching = (top <= receiver + e.tolerance) & (top < goal - e.tolerance)
+            strict = (top < receiver - e.tolerance) & (top <= goal + e.tolerance)
+            apart |= (touching | strict).any(axis=0)
+        plane = _one_sided_plane(scene, e, source)
+        if plane >= 0:  # light leaves on one side of this plane: what is wholly behind it is never in between
+            apart |= e.high[plane] < e.lamp_low[plane, source] - e.tolerance
+        apart |= _behind_receiver(e, side)
+        if shape >= 0 and (e.plane[shape] >= 0 or np.count_nonzero(scene.lights.source == source) == 1):
+            apart[:, shape] = True  # a flat or single light does not hide what it sends out
+        out.append(~apart)
+    return np.stack(out, axis=1)
+
+
+def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
+    """(s, s): blockers wholly behind the visible side of a flat receiver; a flat receiver does not hide itself either."""
+    rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
+    below = e.high[rows] < (e.low[rows, own] - e.tolerance)[:, None]
+    above = e.low[rows] > (e.high[rows, own] + e.tolerance)[:, None]
+    out = ((side > 0)[:, None] & below) | ((side < 0)[:, None] & above)
+    out[own, own] |= e.plane >= 0
+    return out
+
+
+def crosses(scene: RenderScene, e: Extents) -> Bools:
+    """(s, q): whether part of a light may lie below the horizon of some point of a receiver's visible side."""
+    side = _faces_camera(e)
+    rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
+    low, high = e.lamp_low[rows], e.lamp_high[rows]
+    above = (side > 0)[:, None] & (low > (e.high[rows, own] + e.tolerance)[:, None])
+    below = (side < 0)[:, None] & (high < (e.low[rows, own] - e.tolerance)[:, None])
+    return ~(above | below)
+
+
+def gap(e: Extents, receiver: int, source: int) -> float:
+    """How far a receiver and a source are apart at least, in world units: by the best of the planes. 0 where none is between them."""
+    above, below = e.lamp_low[:, source] - e.high[:, receiver], e.low[:, receiver] - e.lamp_high[:, source]
+    both = np.maximum(np.where(np.isnan(above), -np.inf, above), np.where(np.isnan(below), -np.inf, below))
+    return max(float(both.max()), 0.0)

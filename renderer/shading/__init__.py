@@ -1,0 +1,1 @@
+"""What estimators share: choosing lights, BSDF values, visibility, emission."""

@@ -1,0 +1,30 @@
+"""What lights look like from where they emit: their radiance at a point, with the image that some carry."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.build import RenderScene
+from renderer.math.vectors import Floats
+from renderer.textures import bilinear
+
+Integers = NDArray[np.int64]
+
+
+def with_pictures(scene: RenderScene, radiance: Floats, quadric: Integers, p: Floats) -> Floats:
+    """Radiance (3, n) or (3, 1) times the images of the quadrics (n,), -1 for none, that points p (3, n) lie on.
+
+    Looked up as pbrt does: bilinearly, clamped at the edges, the first row at v = 1 [pharr2023, sec. 12.4].
+    """
+    coordinates = scene.coordinates
+    if coordinates is None or not scene.pictures:
+        return radiance
+    shape = np.where(quadric >= 0, scene.quadrics.shape[quadric], -1)
+    out = np.broadcast_to(radiance, p.shape).copy()
+    for own, image in scene.pictures:
+        rows = np.flatnonzero(shape == own)
+        if rows.size:
+            u, v = coordinates.at(p.take(rows, axis=1), np.full_like(rows, -1), quadric[rows])
+            out[:, rows] *= bilinear(image, np.stack([u, 1.0 - v]), "clamp")
+    return out

@@ -1,0 +1,162 @@
+"""What estimators ask of the lights: one to sample, a direction to it, its density, and what a direction meets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.build import RenderScene
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Source
+from renderer.math.vectors import Floats, dot, gather
+from renderer.records import LightSample, SurfaceHit
+from renderer.shading.emission import with_pictures
+from renderer.shading.visibility import Seen
+from scenes.description import SceneDescription
+
+Integers = NDArray[np.int64]
+
+
+def sources_of(scene: SceneDescription) -> list[Source]:
+    """All that sends out light."""
+    return [*(s for s in scene.shapes if s.emission is not None), *scene.lights]
+
+
+def without(technique: str, scene: SceneDescription) -> str | None:
+    """Why some light of the scene has no such technique, in words, or None."""
+    for source in sources_of(scene):
+        for _, kind in LIGHTS.items():
+            if kind.accepts(source) and (why := kind.missing(technique)):
+                return why
+    return None
+
+
+def samplers(scene: RenderScene, *preferred: str) -> list[DirectionSampler]:
+    """For each kind of light the first of the preferred techniques that it has; every kind must have one of them."""
+    out: list[DirectionSampler] = []
+    for kind in scene.lights.kinds:
+        own = kind.techniques
+        out.append(next(own[name] for name in preferred if name in own))
+    return out
+
+
+def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
+    """A light (n,) for each row, and the numbers (2, n) left for its direction.
+
+    u: (2, n) for a scene with one light, (3, n) for more; the choice takes the third, so that directions keep a pair of
+    dimensions that samplers stratify together.
+    """
+    if len(scene.lights) == 1:
+        return np.zeros_like(u[0], dtype=np.int64), u[:2]
+    return pick(scene.lights.cdf, u[2]), u[:2]
+
+
+def pick(cdf: Floats, u: Floats) -> Integers:
+    """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights; an entry of no weight is never picked."""
+    last = int(np.argmax(cdf == cdf[-1]))
+    entry = np.array(np.searchsorted(cdf, u * cdf[-1], side="right"), dtype=np.int64)
+    return np.minimum(entry, last)
+
+
+def sample_light(
+    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
+) -> LightSample:
+    """A direction to the light of each row. techniques: one a kind. light: (n,). u: (2, n). The pdf is the light's own."""
+    sample = _sampled(scene, techniques, hit, light, u)
+    if not scene.pictures:
+        return sample
+    with np.errstate(invalid="ignore"):  # rows that are not valid may hold anything
+        p = hit.p + sample.wi * sample.dist
+        return replace(sample, radiance=with_pictures(scene, sample.radiance, scene.lights.quadric.take(light), p))
+
+
+def _sampled(
+    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
+) -> LightSample:
+    """See `sample_light`."""
+    if len(techniques) == 1:
+        return techniques[0].sample_direction(light, hit.p, hit.n, u)
+    n = light.size
+    wi, dist, facing, radiance = np.zeros((3, n)), np.zeros(n), np.zeros((3, n)), np.zeros((3, n))
+    pdf, valid = np.ones(n), np.zeros(n, dtype=np.bool_)
+    for first, rows, technique in _dealt(scene, techniques, light):
+        p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
+        part = technique.sample_direction(light[rows] - first, p, normal, u.take(rows, axis=1))
+        wi[:, rows], dist[rows], facing[:, rows] = part.wi, part.dist, part.normal
+        radiance[:, rows] = part.radiance
+        pdf[rows], valid[rows] = part.pdf, part.valid
+    return LightSample(wi, dist, facing, radiance, pdf, valid)
+
+
+def light_pdf(
+    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, wi: Floats
+) -> Floats:
+    """Density (n,) in 1/sr with which light sampling would have chosen the light (n,) and gone along wi (3, n); 0 where light is -1."""
+    pdf = np.zeros(light.size)
+    for first, rows, technique in _dealt(scene, techniques, light):
+        p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
+        own = technique.pdf_direction(light[rows] - first, p, normal, wi.take(rows, axis=1))
+        pdf[rows] = own * scene.lights.pmf.take(light[rows])
+    return pdf
+
+
+def _dealt(
+    scene: RenderScene, techniques: Sequence[DirectionSampler], light: Integers
+) -> Iterator[tuple[int, Integers, DirectionSampler]]:
+    """Each kind's first light, the rows that go to it, and its technique."""
+    first = 0
+    for kind, technique in zip(scene.lights.kinds, techniques, strict=True):
+        count = kind.source.size
+        rows = np.flatnonzero((light >= first) & (light < first + count))
+        if rows.size:
+            yield first, rows, technique
+        first += count
+
+
+def chance(scene: RenderScene, light: Integers) -> Floats:
+    """(n,) or (1,): with what probability `choose_light` picks each light (n,)."""
+    return gather(scene.lights.pmf, light)
+
+
+def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, Floats]:
+    """The light that each point sees first along wi (3, n) if nothing but lights were there, and its Le (3, n).
+
+    The light is -1 and its distance inf where there is none; an environment is behind all else.
+    """
+    everyone = scene.lights.quadric[scene.lights.quadric >= 0]
+    t, quadric = scene.quadrics.closest(everyone, hit.p, wi, hit.quadric)
+    light = (
+        np.where(quadric >= 0, scene.lights.of_quadric.take(quadric, mode="clip"), -1)
+        if everyone.size
+        else quadric.copy()
+    )
+    radiance, normal = np.zeros_like(wi), -wi
+    met = np.flatnonzero(quadric >= 0)
+    if met.size:
+        own, along = quadric[met], wi.take(met, axis=1)
+        _, normal[:, met] = scene.quadrics.surface(own, hit.p.take(met, axis=1) + along * t[met])
+    if scene.glow is not None:
+        far, triangle = scene.glow.closest_from(hit.p, hit.n, hit.triangle, wi)
+        nearer = np.flatnonzero(far < t)
+        t[nearer], light[nearer] = far[nearer], scene.lights.of_triangle[triangle[nearer]]
+        quadric[nearer] = -1
+        normal[:, nearer] = scene.glow.normal.take(triangle[nearer], axis=1)
+    rows = np.flatnonzero(light >= 0)
+    if rows.size:
+        along = wi.take(rows, axis=1)
+        le = _emitted(scene, light[rows], dot(along, normal.take(rows, axis=1)))
+        radiance[:, rows] = with_pictures(scene, le, quadric[rows], hit.p.take(rows, axis=1) + along * t[rows])
+    if scene.lights.environment is not None:
+        kind, own = scene.lights.environment
+        rows = np.flatnonzero(light < 0)
+        light[rows] = own
+        radiance[:, rows] = kind.radiance_along(np.zeros_like(rows), wi.take(rows, axis=1))
+    return Seen(light, wi, t, normal), radiance
+
+
+def _emitted(scene: RenderScene, light: Integers, cosine: Floats) -> Floats:
+    """Le (3, n) of area lights (n,) seen along directions that make `cosine` (n,) with their normals."""
+    shape = scene.sources.shape[scene.lights.source[light]]
+    return np.where((cosine < 0) | scene.two_sided[shape], scene.emission.take(shape, axis=1), 0.0)

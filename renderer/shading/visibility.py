@@ -1,0 +1,69 @@
+"""What lies in between: shadow rays from points to what they would see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.build import RenderScene
+from renderer.interfaces.estimator import Reflected
+from renderer.math.vectors import Floats, dot, gather
+from renderer.plan.plan import RenderPlan
+from renderer.records import SurfaceHit
+
+Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a ray wi (3, n) would meet: which light (n,), -1 for none, at what distance (n,), inf for what has none, and
+    its normal there (3, n) or (3, 1), 0 where the ray ends in free space."""
+
+    light: Integers
+    wi: Floats
+    dist: Floats
+    normal: Floats
+
+
+def visible(
+    scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, useful: Bools, radiance: Floats
+) -> Reflected:
+    """What arrives of `radiance` (3, n): 0 where it is not `useful` (n,), and where something lies in between.
+
+    Rows that are not useful may hold anything. Shadow rays are traced where the plan calls for them.
+    """
+    radiance = np.where(useful, radiance, 0.0)
+    if plan.witness is not None and not useful.all():
+        idle = np.flatnonzero(~useful)
+        nothing = np.zeros(idle.size, dtype=np.bool_)
+        plan.witness(hit.take(idle), seen.wi.take(idle, axis=1), seen.dist[idle], nothing, nothing)
+    source = scene.lights.source.take(np.maximum(seen.light, 0))
+    rows = np.flatnonzero(useful & plan.shadow[np.maximum(hit.shape, 0), source])
+    if rows.size:
+        radiance[:, rows[hidden(scene, plan, hit, seen, rows)]] = 0.0
+    return Reflected(radiance, rows.size)
+
+
+def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, rows: Integers) -> Bools:
+    """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and what they would see."""
+    p, n, wi = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1), seen.wi.take(rows, axis=1)
+    dist, ny = seen.dist[rows], gather(seen.normal, rows)
+    cos_light = dot(wi, ny)
+    ny = np.where(cos_light > 0, -ny, ny)  # on the side of p
+    out = np.zeros(rows.size, dtype=np.bool_)
+    if plan.shadow_triangles is not None:
+        out |= plan.shadow_triangles.occluded(p, n, hit.triangle[rows], p + wi * np.minimum(dist, scene.far), ny)
+    if plan.shadow_quadrics.size:
+        # What lies within `touch` of the plane of either end counts as part of it, as it does in the plan's proofs.
+        with np.errstate(divide="ignore"):
+            tmin, margin = scene.touch / np.abs(dot(wi, n)), scene.touch / np.abs(cos_light)
+        tmax = dist - np.where(cos_light == 0, 0.0, margin)
+        light = seen.light[rows]
+        goal = np.where(light >= 0, scene.lights.quadric.take(np.maximum(light, 0)), -1) if len(scene.lights) else light
+        out |= scene.quadrics.occluded(plan.shadow_quadrics, p, wi, tmin, tmax, hit.quadric[rows], goal)
+    if plan.witness is not None:
+        plan.witness(hit.take(rows), wi, dist, np.ones_like(out), out)
+    return out

@@ -1,0 +1,143 @@
+"""Which pictures of a panel are shown: references, estimates, error maps; and how bright."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.schema.record import ScoreCard
+from pipeline.store.run_folder import FinishedCell
+from reports.formats import plain
+from reports.series import Panel, Point, Series
+from reports.viewer import MAX_IMAGES, Picture
+from scenes.images.exr import read_exr, read_rgb
+
+Array = NDArray[np.float64]
+
+PREFERRED_SPP = 16  # enough to know the scene, few enough to see the noise
+MIDDLE = 0.22  # of white: where the median of what is lit is shown, lights in view or not
+WORST = 99.0  # percentile of the error maps at which their false colours end
+
+
+@dataclass(frozen=True, eq=False)
+class Album:
+    """Pictures of one size; `exposure` in stops; `about` says what they are; `columns`: how many stand side by side."""
+
+    pictures: tuple[Picture, ...]
+    exposure: float
+    about: str
+    columns: int
+
+    @property
+    def stills(self) -> list[Picture]:
+        """The colour pictures, to be shown side by side."""
+        return [picture for picture in self.pictures if picture.limit is None]
+
+    @property
+    def has_maps(self) -> bool:
+        """Whether there are error maps."""
+        return len(self.stills) < len(self.pictures)
+
+
+@dataclass(frozen=True)
+class _Scored:
+    """One replicate of a point, with its scores."""
+
+    series: Series
+    point: Point
+    cell: FinishedCell
+    card: ScoreCard
+
+
+def make_album(root: Path, panel: Panel) -> Album | None:
+    """The pictures of a panel from its run folder; None where nothing was scored, so that there is no reference to show."""
+    return _samples_album(root, panel) if panel.study.over == "spp" else _parameter_album(root, panel)
+
+
+def _samples_album(root: Path, panel: Panel) -> Album | None:
+    """The reference, then every series at one sample count, then the error maps of these."""
+    scored = _scored(panel.series)
+    if not scored:
+        return None
+    spp = min((s.point.spp for s in scored), key=lambda n: abs(math.log2(n / PREFERRED_SPP)))
+    shown = [s for s in scored if s.point.spp == spp][: (MAX_IMAGES - 1) // 2]
+    reference = _reference(root, shown[0])
+    images = [Picture(s.series.label, _image(root, s)) for s in shown]
+    maps = _error_maps((f"error of {number}", _error(root, s)) for number, s in enumerate(shown, 2))
+    about = f"{spp} samples a pixel, seed {shown[0].cell.entry.job.seed}"
+    return Album((Picture("reference", reference), *images, *maps), _exposure([reference]), about, 1 + len(images))
+
+
+def _parameter_album(root: Path, panel: Panel) -> Album | None:
+    """The reference and the first series of two estimators, at both ends and in the middle of the axis, as far as of one size."""
+    series = list({s.estimator: s for s in reversed(panel.series)}.values())[::-1][:2]
+    scored = _scored(series)
+    if not scored:
+        return None
+    places = sorted({s.point.x for s in scored}, reverse=True)
+    chosen = dict.fromkeys((places[0], places[len(places) // 2], places[-1]))
+    rows = [_at(root, panel, [s for s in scored if s.point.x == x]) for x in chosen]
+    pictures = [p for row in rows for p in row if p.pixels.shape == rows[0][0].pixels.shape]
+    about = f"{scored[0].point.spp} samples a pixel, first seed"
+    return Album(tuple(pictures), _exposure([row[0].pixels for row in rows]), about, 1 + len(series))
+
+
+def _at(root: Path, panel: Panel, shown: Sequence[_Scored]) -> list[Picture]:
+    """The reference of one place on the axis and what was rendered there."""
+    where = f"{panel.study.over} {plain(shown[0].point.x)}"
+    images = [Picture(f"{s.series.estimator}, {where}", _image(root, s)) for s in shown]
+    return [Picture(f"reference, {where}", _reference(root, shown[0])), *images]
+
+
+def _scored(series: Sequence[Series]) -> list[_Scored]:
+    """Every point's first replicate that has a reference."""
+    found: list[_Scored] = []
+    for line in series:
+        for point in line.points:
+            cells = [(cell, cell.card) for cell in point.cells if cell.card]
+            found += [_Scored(line, point, cell, card) for cell, card in cells[:1]]
+    return found
+
+
+def _image(root: Path, shown: _Scored) -> Array:
+    return read_rgb(root / shown.cell.record.image)
+
+
+def _reference(root: Path, shown: _Scored) -> Array:
+    return read_rgb(root / shown.card.reference.image)
+
+
+def _error(root: Path, shown: _Scored) -> Array | None:
+    """Each pixel's root mean square error over channels, from the map that was stored with the scores."""
+    if shown.card.error_map is None:
+        return None
+    channels = read_exr(root / shown.card.error_map).channels
+    if "rmse" in channels:
+        return channels["rmse"]
+    return np.sqrt(np.maximum(channels["mse"], 0.0)) if "mse" in channels else None
+
+
+def _error_maps(named: Iterable[tuple[str, Array | None]]) -> list[Picture]:
+    """False-colour pictures on one scale, so that they can be compared."""
+    maps = [(name, error) for name, error in named if error is not None]
+    if not maps:
+        return []
+    limit = max(_percentile(error, WORST) for _, error in maps) or 1.0
+    return [Picture(name, error, limit) for name, error in maps]
+
+
+def _exposure(references: Sequence[Array]) -> float:
+    """Stops, in halves, that bring the median of the lit pixels of the references to a middling gray."""
+    level = _percentile(np.concatenate([image.mean(axis=-1).reshape(-1) for image in references]), 50.0, above=0.0)
+    return round(2.0 * math.log2(MIDDLE / level)) / 2.0 if level > 0 else 0.0
+
+
+def _percentile(values: Array, share: float, above: float = -math.inf) -> float:
+    """A percentile of the finite values above a limit, 0 if there are none."""
+    counted = values[np.isfinite(values) & (values > above)]
+    return float(np.percentile(counted, share)) if counted.size else 0.0

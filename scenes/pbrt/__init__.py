@@ -1,0 +1,1 @@
+"""pbrt-v4 text to a frozen `SceneDescription`, and back."""

@@ -1,0 +1,126 @@
+"""`Sampler`, `Integrator`, `Accelerator` and `Option`: what a file asks of a renderer, defaults that a request may override."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenes.description import Environment
+from scenes.errors import Location, SceneError
+from scenes.pbrt.state import Builder, must_be, refuse_kind
+from scenes.pbrt.text.parameters import Parameters
+
+# pbrt-v4's sampler, what it is called here, and pbrt's number of samples where the file gives none.
+SAMPLERS = {
+    "independent": "independent",
+    "stratified": "stratified",
+    "sobol": "sobol",
+    "paddedsobol": "sobol",
+    "zsobol": "sobol",
+    "halton": "sobol",
+    "pmj02bn": "sobol",
+}
+SPP_LIMIT = 2**24
+# Options that change no image of ours, and those that would if they were true.
+HARMLESS = (
+    "disabletexturefiltering", "disablewavelengthjitter", "displacementedgescale", "pixelstats", "rendercoordsys", "seed", "wavefront",
+    "msereferenceimage", "msereferenceout",
+)  # fmt: skip
+HARMFUL = {
+    "disablepixeljitter": "samples fall all over the pixel filter",
+    "forcediffuse": "materials are as the file gives them",
+}
+
+
+def sampler(builder: Builder, kind: str, parameters: Parameters) -> None:
+    """`Sampler`: each of pbrt's low-discrepancy samplers stands for Owen-scrambled Sobol' points."""
+    refuse_kind(kind, " ".join(SAMPLERS), parameters)
+    seed = parameters.integer("seed", 0)
+    if seed < 0:
+        raise parameters.fail("seed", f"seed must not be negative: {seed}")
+    spp = (
+        _strata(parameters)
+        if kind == "stratified"
+        else _count(parameters, "pixelsamples", 4 if kind == "independent" else 16)
+    )
+    if kind == "halton":
+        parameters.text("randomization", "permutedigits")
+    elif "sobol" in kind and parameters.text("randomization", "fastowen") not in ("fastowen", "owen"):
+        parameters.unsupported("randomization", 'randomization must be "fastowen" or "owen": points are Owen-scrambled')
+    builder.defaults = replace(builder.defaults, sampler=SAMPLERS[kind], spp=spp, seed=seed)
+
+
+def _count(parameters: Parameters, name: str, default: int) -> int:
+    value = parameters.integer(name, default)
+    if not 1 <= value <= SPP_LIMIT:
+        raise parameters.fail(name, f"{name} must be at least 1 and at most {SPP_LIMIT}, not {value}")
+    return value
+
+
+def _strata(parameters: Parameters) -> int:
+    must_be(parameters, "jitter", parameters.flag("jitter", True), True, "strata are sampled at random points")
+    spp = _count(parameters, "xsamples", 4) * _count(parameters, "ysamples", 4)
+    if spp > SPP_LIMIT:
+        raise parameters.fail("xsamples", f"{spp} samples a pixel; at most {SPP_LIMIT} are supported")
+    return spp
+
+
+def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
+    """`Integrator`: pbrt's path tracers to depth 1, which is direct light and visible emission, or ambient occlusion."""
+    builder.has_integrator = True
+    if kind == "ambientocclusion":
+        _ambient_occlusion(builder, parameters)
+        return
+    refuse_kind(kind, "path simplepath volpath ambientocclusion", parameters)
+    depth = parameters.integer("maxdepth", 5)
+    if depth != 1:
+        given = "" if parameters.given("maxdepth") else " (pbrt's default)"
+        parameters.unsupported("maxdepth", f'maxdepth is {depth}{given}: only direct light, "integer maxdepth" [ 1 ]')
+    builder.occlusion_distance, builder.without_lights = np.inf, None
+    if kind == "simplepath":
+        lights, brdf = parameters.flag("samplelights", True), parameters.flag("samplebsdf", True)
+        chosen = None if lights else "bsdf" if brdf else "hemisphere"
+        builder.defaults = replace(builder.defaults, estimator=chosen)
+        if not lights:
+            builder.without_lights = parameters.located("samplelights")
+        return
+    builder.defaults = replace(builder.defaults, estimator=None)
+    parameters.text("lightsampler", "bvh")  # which light a sample goes to is the estimator's affair here
+    must_be(parameters, "regularize", parameters.flag("regularize", False), False, "no roughness is changed")
+
+
+def check_delta(builder: Builder) -> None:
+    """Report `samplelights` that is false where pbrt would then leave out lights that no direction finds by chance."""
+    delta = any(not isinstance(light, Environment) for light in builder.lights)
+    if builder.without_lights is not None and delta:
+        problem = "without samplelights pbrt leaves point, spot and distant lights out; that is not supported"
+        builder.report.add(f"{problem}: take them out of the scene", builder.without_lights)
+
+
+def _ambient_occlusion(builder: Builder, parameters: Parameters) -> None:
+    parameters.flag("cossample", True)  # how pbrt draws directions; its image is the same
+    distance = parameters.number("maxdistance", np.inf)
+    if distance <= 0:
+        raise parameters.fail("maxdistance", f"maxdistance must be positive, not {distance:g}")
+    builder.occlusion_distance, builder.without_lights = distance, None
+    builder.defaults = replace(builder.defaults, estimator="ambient-occlusion")
+
+
+def accelerator(_: Builder, kind: str, parameters: Parameters) -> None:
+    """`Accelerator`: accepted whatever it says, since it changes no image."""
+    parameters.ignore()
+
+
+def option(builder: Builder, name: str, value: str, where: Location) -> None:
+    """`Option "name" value`: pbrt compares names without case, dashes and underscores; a type before the name is let pass."""
+    word = name.split()[-1] if name.split() else ""
+    known = word.lower().replace("-", "").replace("_", "")
+    if known in HARMFUL:
+        if value not in ("true", "false"):
+            raise SceneError(f'Option "{name}" is true or false, not {value!r}', where)
+        if value == "true":
+            builder.report.add(f'Option "{name}" is not supported: {HARMFUL[known]}', where)
+    elif known not in HARMLESS:
+        allowed = ", ".join(sorted([*HARMLESS, *HARMFUL]))
+        raise SceneError(f'unknown Option "{name}"; there are: {allowed}', where)

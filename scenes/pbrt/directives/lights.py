@@ -1,0 +1,142 @@
+"""`LightSource` and `AreaLightSource`, with pbrt-v4's defaults and its units: luminance, luminous power and illuminance where those are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.description import DistantLight, Emission, Light, PointLight, SpotLight
+from scenes.errors import Unsupported
+from scenes.pbrt.directives.environment import infinite
+from scenes.pbrt.directives.texels import image_of
+from scenes.pbrt.spectra import colour
+from scenes.pbrt.state import AreaLight, Builder, check_room, refuse_kind
+from scenes.pbrt.text.parameters import Parameters
+from scenes.pbrt.transforms import COORDINATE_LIMIT, uniform_scale, unit
+
+Array = NDArray[np.float64]
+
+RADIANCE_LIMIT = 1e30
+
+
+def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
+    """`LightSource`: infinite, distant, point and spot."""
+    if kind not in _LIGHTS:
+        parameters.ignore()
+        supported = ", ".join(f'"{name}"' for name in _LIGHTS)
+        raise Unsupported(f'LightSource "{kind}" is not supported; supported: {supported}', parameters.where)
+    if builder.current_object is not None:  # pbrt adds it to the scene once, as if it stood outside
+        parameters.ignore()
+        raise Unsupported("a LightSource inside an object is not supported: put it outside", parameters.where)
+    check_room(builder.lights, "lights", parameters.where)
+    builder.lights.append(_LIGHTS[kind](builder, parameters))
+
+
+def emitted(parameters: Parameters, name: str) -> Array:
+    """The colour of a light times its `scale`, (3,) float64; white where none is given, as pbrt's standard illuminant."""
+    found = colour(parameters, name, "illuminant")
+    return checked(parameters, name, (np.ones(3) if found is None else found) * factor(parameters))
+
+
+def factor(parameters: Parameters) -> float:
+    """`scale`."""
+    found = parameters.number("scale", 1.0)
+    if found < 0:
+        raise parameters.fail("scale", f"scale must not be negative: {found:g}")
+    return found
+
+
+def checked(parameters: Parameters, name: str, radiance: Array) -> Array:
+    """`radiance`, or a SceneError where it is too large."""
+    if not np.all(radiance <= RADIANCE_LIMIT):
+        raise parameters.fail(name, "the radiance is beyond 1e30, the largest that float32 images can average")
+    return radiance
+
+
+def _positive(parameters: Parameters, name: str) -> float | None:
+    """A `power` or an `illuminance`; pbrt takes what is not positive for not given."""
+    value = parameters.number(name, -1.0)
+    return value if value > 0 else None
+
+
+def _position(builder: Builder, parameters: Parameters) -> Array:
+    position = builder.state.transform.points(parameters.point("from", (0.0, 0.0, 0.0))[None])[0]
+    if not np.all(np.abs(position) <= COORDINATE_LIMIT):
+        raise parameters.fail("from", f"the light lies beyond {COORDINATE_LIMIT:g}, the largest coordinate")
+    return position
+
+
+def _direction(builder: Builder, parameters: Parameters, v: Array) -> Array:
+    """A direction of the light's own space, in world space: (3,), unit."""
+    try:
+        return unit(builder.state.transform.vector(unit(v))) + 0.0
+    except ValueError:
+        raise parameters.fail("to", "from and to are the same point: the light has no direction") from None
+
+
+def _point(builder: Builder, parameters: Parameters) -> Light:
+    intensity, power = emitted(parameters, "I"), _positive(parameters, "power")
+    if power is not None:
+        intensity = checked(parameters, "power", intensity * (power / (4 * np.pi)))
+    return PointLight(_position(builder, parameters), intensity, parameters.where)
+
+
+def _spot(builder: Builder, parameters: Parameters) -> Light:
+    cone, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
+    if not 0 < cone <= 180:
+        raise parameters.fail("coneangle", f"coneangle is above 0 and at most 180 degrees, not {cone:g}")
+    if not 0 <= delta <= 2 * cone:
+        raise parameters.fail(
+            "conedeltaangle", f"conedeltaangle is between 0 and twice coneangle, not {delta:g} degrees"
+        )
+    inner = abs(cone - delta)  # beyond the axis it begins as far on the other side, as its cosine has it
+    if uniform_scale(builder.state.transform.matrix[:3, :3]) is None:
+        raise Unsupported(
+            "the transformation stretches or shears the cone of the spot light; that is not supported", parameters.where
+        )
+    start, end = np.cos(np.radians(inner)), np.cos(np.radians(cone))
+    intensity, power = emitted(parameters, "I"), _positive(parameters, "power")
+    if power is not None:
+        intensity = checked(parameters, "power", intensity * (power / (2 * np.pi * ((1 - start) + (start - end) / 2))))
+    position = _position(builder, parameters)
+    axis = parameters.point("to", (0.0, 0.0, 1.0)) - parameters.point("from", (0.0, 0.0, 0.0))
+    return SpotLight(position, _direction(builder, parameters, axis), intensity, cone, inner, parameters.where)
+
+
+def _distant(builder: Builder, parameters: Parameters) -> Light:
+    irradiance, illuminance = emitted(parameters, "L"), _positive(parameters, "illuminance")
+    if illuminance is not None:
+        irradiance = checked(parameters, "illuminance", irradiance * illuminance)
+    axis = parameters.point("from", (0.0, 0.0, 0.0)) - parameters.point("to", (0.0, 0.0, 1.0))
+    return DistantLight(_direction(builder, parameters, axis), irradiance, parameters.where)
+
+
+def _infinite(builder: Builder, parameters: Parameters) -> Light:
+    found = colour(parameters, "L", "illuminant")
+    light = infinite(builder, parameters, found, factor(parameters), _positive(parameters, "illuminance"))
+    checked(parameters, "L", light.radiance if light.image is None else light.radiance * light.image.max())
+    return light
+
+
+def area_light(builder: Builder, kind: str, parameters: Parameters) -> None:
+    """`AreaLightSource "diffuse"`: radiance for the shapes that follow in this attribute block."""
+    refuse_kind(kind, "diffuse", parameters)
+    name = parameters.text("filename", "")
+    if name and parameters.given("L"):
+        raise parameters.fail("filename", "an area light has either L or filename, not both")
+    radiance = emitted(parameters, "L")
+    image = image_of(builder, parameters, name) if name else None
+    emission = Emission(radiance, parameters.flag("twosided", False), image)
+    light = AreaLight(emission, _positive(parameters, "power"), parameters.where)
+    builder.state = replace(builder.state, light=light)
+
+
+_LIGHTS: dict[str, Callable[[Builder, Parameters], Light]] = {
+    "infinite": _infinite,
+    "distant": _distant,
+    "point": _point,
+    "spot": _spot,
+}

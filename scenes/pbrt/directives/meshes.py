@@ -1,0 +1,182 @@
+"""`Shape` of triangles and patches: inline meshes and mesh files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.description import BilinearMesh, Geometry, TriangleMesh
+from scenes.errors import PenumbraError, SceneError, Unsupported
+from scenes.pbrt.state import AreaLight
+from scenes.pbrt.text.numbers import Values
+from scenes.pbrt.text.parameters import Parameters
+from scenes.pbrt.transforms import Transform
+from scenes.ply.mesh import read_ply
+
+Array = NDArray[np.float64]
+
+PLANE_TOLERANCE = 1e-6  # of a patch's diameter: text of seven digits, or float32
+NORMAL_TOLERANCE = 1e-4  # of the components of a unit normal that says no more than the face does
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """What the state of the file says of the next shape."""
+
+    transform: Transform
+    reverse: bool
+    light: AreaLight | None
+
+    @property
+    def turned(self) -> bool:
+        """Whether the geometric normal is turned round."""
+        return self.reverse != self.transform.swaps_handedness
+
+
+def triangle_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
+    """`Shape "trianglemesh"`."""
+    vertices, faces = _indexed(parameters, corners=3)
+    uv = _uv(parameters, len(vertices))
+    normals = parameters.vectors("normal", "N")
+    parameters.vectors("vector3", "S")  # tangents; what is isotropic does not depend on them
+    parameters.integers("faceIndices")  # for textures that are not supported
+    world = placement.transform.points(vertices)
+    reverse = placement.turned
+    if normals is not None:
+        if len(normals) != len(vertices):
+            raise parameters.fail("N", f"{len(normals)} normals for {len(vertices)} points")
+        reverse = _side_of_normals(vertices, faces, normals, placement, parameters, "N")
+    return [TriangleMesh(world, faces, reverse, uv)]
+
+
+def _side_of_normals(
+    vertices: Array, faces: NDArray[np.int64], normals: Array, placement: Placement, parameters: Parameters, name: str
+) -> bool:
+    """Whether the faces' own normals must be turned round to lie on the side of the given ones, which decide in pbrt.
+
+    Normals of the file shade smoothly in pbrt; that is reported, unless each is its face's own or that one's opposite.
+    """
+    corners = vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    whole = length > 0
+    face = cross[whole] / length[whole, None]
+    given = normals[faces[whole]]
+    given = given / np.maximum(np.linalg.norm(given, axis=2, keepdims=True), np.finfo(np.float64).tiny)
+    same = bool(np.abs(given - face[:, None]).max(initial=0.0) <= NORMAL_TOLERANCE)
+    opposite = not same and bool(np.abs(given + face[:, None]).max(initial=0.0) <= NORMAL_TOLERANCE)
+    if not (same or opposite):
+        parameters.unsupported(
+            name, "smooth shading is not supported: leave the normals out, and each face is shaded by its own"
+        )
+    # The faces are turned by a mirror and the given normals by ReverseOrientation: with normals the order of corners is of no effect.
+    mirrored = placement.transform.swaps_handedness
+    return (placement.reverse != opposite) != mirrored if same or opposite else placement.turned
+
+
+def bilinear_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
+    """`Shape "bilinearmesh"` of planar patches."""
+    vertices, faces = _indexed(parameters, corners=4)
+    uv = _uv(parameters, len(vertices))
+    if parameters.vectors("normal", "N") is not None:
+        parameters.unsupported("N", "normals of a bilinearmesh are not supported: leave them out")
+    parameters.integers("faceIndices")
+    return [_patches(vertices, faces, uv, parameters, placement, placement.turned)]
+
+
+def _patches(
+    vertices: Array,
+    faces: NDArray[np.int64],
+    uv: Array | None,
+    parameters: Parameters,
+    placement: Placement,
+    turned: bool,
+) -> BilinearMesh:
+    world = placement.transform.points(vertices)
+    problem = patch_problem(world, faces)
+    if problem:
+        raise (Unsupported if "planar" in problem else SceneError)(problem, parameters.where)
+    return BilinearMesh(world, faces, turned, uv)
+
+
+def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
+    """Why these patches are not planar convex quadrilaterals, or None. vertices (m, 3), faces (q, 4) as p00 p10 p01 p11."""
+    p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
+    diagonals = np.cross(p11 - p00, p01 - p10)  # twice the area, whatever the shape
+    length = np.linalg.norm(diagonals, axis=1)
+    diameter = np.maximum(np.linalg.norm(p11 - p00, axis=1), np.linalg.norm(p01 - p10, axis=1))
+    if not np.all(length > 0):
+        return f"patch {int(np.argmin(length))} has no area, or its corners are not in the order p00 p10 p01 p11"
+    normal = diagonals / length[:, None]
+    rounding = 4 * np.finfo(np.float32).eps * np.abs(vertices[faces]).max(axis=(1, 2))
+    warp = np.abs(np.sum((p10 - p00) * normal, axis=1))  # how far the two diagonals pass each other by
+    off = warp > PLANE_TOLERANCE * diameter + rounding
+    if off.any():
+        return f"patch {int(np.argmax(off))} is not planar: curved bilinear patches are not supported"
+    ring = (p00, p10, p11, p01)
+    turns = [np.sum(np.cross(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1) for i in range(4)]
+    bad = np.min(turns, axis=0) < -PLANE_TOLERANCE * diameter**2
+    if bad.any():
+        return f"patch {int(np.argmax(bad))} is not convex: its corners must be given in the order p00 p10 p01 p11"
+    return None
+
+
+def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
+    """`Shape "plymesh"`: the triangles of the file as one mesh, its quadrilaterals as patches."""
+    name = parameters.text("filename", "")
+    if not name:
+        raise parameters.fail("filename", 'plymesh needs "string filename"')
+    if not name.lower().endswith((".ply", ".ply.gz")):
+        raise parameters.fail("filename", f"{name!r}: only .ply files, also as .ply.gz, are supported")
+    if parameters.take("displacement", "texture") is not None:
+        parameters.unsupported("displacement", "displacement is not supported")
+    parameters.number("displacement.edgelength", 1.0)  # of no effect without one
+    try:
+        mesh = read_ply(parameters.resolve(name))
+    except SceneError:
+        raise
+    except PenumbraError as error:
+        raise parameters.fail("filename", str(error)) from None
+    turned = placement.turned
+    if mesh.normals is not None:
+        corners = np.concatenate([mesh.triangles, mesh.quads[:, :3], mesh.quads[:, [2, 3, 0]]])
+        turned = _side_of_normals(mesh.vertices, corners, mesh.normals, placement, parameters, "filename")
+    geometries: list[Geometry] = []
+    if len(mesh.triangles):
+        geometries.append(TriangleMesh(placement.transform.points(mesh.vertices), mesh.triangles, turned, mesh.uv))
+    if len(mesh.quads):  # corners go round the face in PLY, row by row in a patch
+        geometries.append(_patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement, turned))
+    return geometries
+
+
+def _indexed(parameters: Parameters, corners: int) -> tuple[Array, NDArray[np.int64]]:
+    vertices = parameters.vectors("point3", "P")
+    indices = parameters.integers("indices")
+    if vertices is None:
+        raise SceneError(f'{parameters.owner} needs "point3 P"', parameters.where)
+    if indices is None:
+        if len(vertices) != corners:
+            raise SceneError(f'{parameters.owner} of {len(vertices)} points needs "integer indices"', parameters.where)
+        return vertices, np.arange(corners, dtype=np.int64).reshape(1, corners)
+    faces, tokens = indices
+    if not len(faces) or len(faces) % corners:
+        raise parameters.fail("indices", f'"integer indices" takes groups of {corners}, not {len(faces)} numbers')
+    _check_indices(faces, tokens, len(vertices))
+    return vertices, faces.reshape(-1, corners)
+
+
+def _check_indices(indices: NDArray[np.int64], tokens: Values, count: int) -> None:
+    outside = (indices < 0) | (indices >= count)
+    if outside.any():
+        token = tokens.token(int(np.argmax(outside)))
+        raise SceneError(f"index {token} is out of range: there are {count} points, counted from 0", token.where)
+
+
+def _uv(parameters: Parameters, count: int) -> Array | None:
+    """Texture coordinates, (m, 2), one for each point; None if not given."""
+    uv = parameters.vectors("point2", "uv")
+    if uv is not None and len(uv) != count:
+        raise parameters.fail("uv", f"{len(uv)} texture coordinates for {count} points")
+    return uv

@@ -1,0 +1,181 @@
+"""`Texture`: constant, scale, mix, checkerboard and imagemap, of numbers and of colours, as pbrt-v4 reads them.
+
+Numbers are textures of three equal components here. What is made of constants alone is a constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.description import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
+from scenes.errors import Location, SceneError, Unsupported
+from scenes.pbrt.directives.texels import image_of, numbers_of
+from scenes.pbrt.spectra import colour_of
+from scenes.pbrt.state import Builder, NamedTexture, check_room
+from scenes.pbrt.text.parameters import Parameters
+
+Array = NDArray[np.float64]
+
+NODES = 200  # of one texture with all those inside it, which doubling names would else grow as a power of two
+
+
+def declare(builder: Builder, name: str, type_: str, where: Location) -> None:
+    """Note that a `Texture` has been read; SceneError where it is of no type, or its name is taken."""
+    if type_ not in ("float", "spectrum"):
+        raise SceneError(f'a texture is of type "float" or "spectrum", not "{type_}"', where)
+    if (type_, name) in builder.texture_names:
+        raise SceneError(f'{type_} texture "{name}" is made twice', where)
+    check_room(builder.texture_names, "textures", where)
+    builder.texture_names.add((type_, name))
+
+
+def texture(builder: Builder, name: str, type_: str, kind: str, parameters: Parameters) -> None:
+    """`Texture "name" "float" or "spectrum" "kind"`; the names of the two types are apart, as in pbrt."""
+    if kind not in _KINDS:
+        builder.textures[type_, name] = NamedTexture(None, 1)
+        parameters.ignore()
+        supported = ", ".join(f'"{known}"' for known in _KINDS)
+        raise Unsupported(f'Texture "{kind}" is not supported; supported: {supported}', parameters.where)
+    maker = _Maker(builder, type_, parameters)
+    made = _KINDS[kind](maker)
+    if maker.size > NODES:
+        raise SceneError(f'texture "{name}" is made of more than {NODES} others', parameters.where)
+    builder.textures[type_, name] = NamedTexture(made, maker.size, maker.plain)
+
+
+def named_texture(builder: Builder, type_: str, name: str, where: Location) -> NamedTexture:
+    """The texture of this type and name; SceneError at `where` if there is none."""
+    if (type_, name) not in builder.textures:
+        known = ", ".join(known for kind, known in builder.textures if kind == type_) or "none"
+        raise SceneError(f"no {type_} texture is called {name!r}; there are: {known}", where)
+    return builder.textures[type_, name]
+
+
+class _Maker:
+    """Reads the parts of one texture. size: its nodes so far. plain: whether it is one of pbrt's "constant", and not made of such."""
+
+    def __init__(self, builder: Builder, type_: str, parameters: Parameters) -> None:
+        self.type = type_
+        self.parameters = parameters
+        self.size = 1
+        self.plain = False
+        self._mixed: set[str] = set()
+        self.builder = builder
+
+    def part(self, name: str, default: float, type_: str | None = None) -> Texture:
+        """A texture, a colour or a number given as parameter `name`; of `type_`, by default the whole's own."""
+        type_ = type_ or self.type
+        types = ("float",) if type_ == "float" else ("rgb", "spectrum")
+        parameter = self.parameters.take(name, *types, "texture")
+        if parameter is None:
+            return np.full(3, default)
+        if parameter.type == "float":
+            return np.full(3, self.parameters.number(name, default))
+        if parameter.type != "texture":
+            return colour_of(self.parameters, parameter, "reflectance")
+        found = named_texture(self.builder, type_, self.parameters.text_of(parameter), parameter.where)
+        self.size += found.size
+        if not found.plain:
+            self._mixed.add(name)
+        return np.full(3, default) if found.value is None else found.value
+
+    def is_plain(self, name: str) -> bool:
+        """Whether a part that was read is a number, a colour, or a "constant" by its name."""
+        return name not in self._mixed
+
+
+def _constant(maker: _Maker) -> Texture:
+    maker.plain = True
+    return maker.part("value", 1.0)
+
+
+def _scale(maker: _Maker) -> Texture:
+    first, second = maker.part("tex", 1.0), maker.part("scale", 1.0, "float")
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        maker.plain = _is_plain(maker, "tex", "scale", second) or _is_plain(maker, "scale", "tex", first)
+        return first * second
+    # pbrt gives a factor that is a "constant" to the image itself, whose own inversion and bounds then come after it.
+    if isinstance(first, ImageTexture) and isinstance(second, np.ndarray) and maker.is_plain("scale"):
+        return replace(first, scale=first.scale * float(second[0]))
+    if (
+        isinstance(second, ImageTexture)
+        and isinstance(first, np.ndarray)
+        and maker.type == "float"
+        and maker.is_plain("tex")
+    ):
+        return replace(second, scale=second.scale * float(first[0]))
+    return Product(first, second)
+
+
+def _is_plain(maker: _Maker, name: str, other: str, factor: Array) -> bool:
+    """Whether pbrt takes the whole for its part `name`, since the other one is the "constant" 1."""
+    return maker.is_plain(name) and maker.is_plain(other) and bool(np.all(factor == 1))
+
+
+def _mix(maker: _Maker) -> Texture:
+    first, second = maker.part("tex1", 0.0), maker.part("tex2", 1.0)
+    amount = maker.part("amount", 0.5, "float")
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray) and isinstance(amount, np.ndarray):
+        return (1 - amount) * first + amount * second
+    return Mix(first, second, amount)
+
+
+def _checkerboard(maker: _Maker) -> Texture:
+    parameters = maker.parameters
+    dimension = parameters.integer("dimension", 2)
+    if dimension != 2:
+        parameters.unsupported("dimension", f"a checkerboard of dimension {dimension} is not supported: 2 is")
+    return Checkerboard(maker.part("tex1", 1.0), maker.part("tex2", 0.0), _mapping(parameters))
+
+
+def _mapping(parameters: Parameters) -> UVMapping:
+    kind = parameters.text("mapping", "uv")
+    if kind != "uv":
+        parameters.unsupported("mapping", f'mapping "{kind}" is not supported; supported: "uv"')
+    scale = [parameters.number(name, 1.0) for name in ("uscale", "vscale")]
+    shift = [parameters.number(name, 0.0) for name in ("udelta", "vdelta")]
+    return UVMapping(scale[0], scale[1], shift[0], shift[1])
+
+
+# pbrt-v4 looks all of these up bilinearly at the finest level where it has no ray differentials.
+_FILTERS = {"bilinear": "bilinear", "point": "point", "trilinear": "bilinear", "ewa": "bilinear", "EWA": "bilinear"}
+
+
+def _imagemap(maker: _Maker) -> Texture:
+    parameters = maker.parameters
+    filter_, wrap = parameters.text("filter", "bilinear"), parameters.text("wrap", "repeat")
+    if filter_ not in _FILTERS:
+        raise parameters.fail("filter", f'unknown filter "{filter_}"; there are: {", ".join(_FILTERS)}')
+    if wrap not in ("repeat", "black", "clamp"):
+        parameters.unsupported("wrap", f'wrap "{wrap}" is not supported; supported: "repeat", "black", "clamp"')
+        wrap = "repeat"
+    parameters.number("maxanisotropy", 8.0)  # of the filter that is not simulated
+    scale, invert = parameters.number("scale", 1.0), parameters.flag("invert", False)
+    if scale < 0:
+        raise parameters.fail("scale", f"scale must not be negative: {scale:g}")
+    colours = maker.type == "spectrum"
+    image = _texels(maker, wrap, filter_)
+    return ImageTexture(image, _mapping(parameters), wrap, _FILTERS[filter_], scale, invert, clamped=colours)
+
+
+def _texels(maker: _Maker, wrap: str, filter_: str) -> Array:
+    parameters = maker.parameters
+    name, encoding = parameters.text("filename", ""), parameters.text("encoding", "sRGB")
+    if not name:
+        raise parameters.fail("filename", 'an imagemap needs "string filename"')
+    if maker.type == "float":
+        return numbers_of(maker.builder, parameters, name, encoding, wrap, filter_)
+    return image_of(maker.builder, parameters, name, encoding, wrap)
+
+
+_KINDS: dict[str, Callable[[_Maker], Texture]] = {
+    "constant": _constant,
+    "scale": _scale,
+    "mix": _mix,
+    "checkerboard": _checkerboard,
+    "imagemap": _imagemap,
+}

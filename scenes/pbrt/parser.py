@@ -1,0 +1,125 @@
+"""pbrt-v4 text to a frozen `SceneDescription`.
+
+Every directive of the format is read. What is simulated: direct light and ambient occlusion; shapes trianglemesh, plymesh,
+bilinearmesh (planar), sphere and disk (whole); objects and their instances; lights infinite, distant, point, spot and
+diffuse area lights; materials diffuse and conductor (rough); textures constant, scale, mix, checkerboard and imagemap on a
+diffuse reflectance; pixel filters box, triangle and gaussian. A file that asks for anything else is refused with one
+message that lists all such places; what is malformed is an error at once, at its place.
+
+Where a file says nothing, pbrt's defaults hold: its camera, its film, its gaussian filter of 1.5 pixels. Two are ours: without an
+`Integrator` it is direct light (pbrt's would go on for five bounces), without a `Sampler` independent samples (pbrt's are zsobol).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scenes.description import (
+    BilinearMesh,
+    Conductor,
+    Diffuse,
+    Disk,
+    Geometry,
+    Material,
+    SceneDescription,
+    ShapeDescription,
+    Sphere,
+    TriangleMesh,
+)
+from scenes.errors import SceneError
+from scenes.files import Files
+from scenes.pbrt.directives.emission import lit
+from scenes.pbrt.directives.environment import added_up
+from scenes.pbrt.directives.integrator import check_delta
+from scenes.pbrt.directives.materials import resolved
+from scenes.pbrt.instances import written_out
+from scenes.pbrt.reader import Reader
+from scenes.pbrt.state import Builder, PlacedShape
+from scenes.pbrt.text.lexer import Source, decode, read_source
+from scenes.pbrt.text.template import Bindings, Values, read_header
+
+NO_INTEGRATOR = "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
+
+
+def parse_file(
+    path: Path, parameters: Values | None = None, name: str | None = None, allow_outside: bool = False
+) -> SceneDescription:
+    """Read a .pbrt file; SceneError or PenumbraError for whatever is wrong with it.
+
+    parameters: values for the template's `$name`s. name: of the scene, by default the file's without extension.
+    allow_outside: whether files that the scene names may lie outside its own folder.
+    """
+    return parse_source(read_source(path), parameters, name or path.stem, allow_outside)
+
+
+def parse(
+    text: str | bytes, parameters: Values | None = None, file: str = "<text>", allow_outside: bool = False
+) -> SceneDescription:
+    """Parse scene text; the files that it names are relative to the working directory."""
+    source = Source(file, decode(text, file) if isinstance(text, bytes) else text)
+    return parse_source(source, parameters, Path(file).stem, allow_outside)
+
+
+def parse_source(source: Source, parameters: Values | None, name: str, allow_outside: bool = False) -> SceneDescription:
+    """Parse a text that has been read."""
+    header = read_header(source)
+    bindings = Bindings(header, parameters or {})
+    reader = Reader(source, header, bindings, Files(source.folder or Path(), allow_outside))
+    try:
+        reader.run()
+        with np.errstate(all="ignore"):
+            scene = _described(reader.builder, name, tuple(bindings.values.items()))
+    except SceneError as error:  # of what is malformed: what was found to be unsupported up to there is told with it
+        raise reader.builder.report.behind(error) from None
+    bindings.check_used()
+    return scene
+
+
+def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float], ...]) -> SceneDescription:
+    """What was read as a description; SceneError listing all that it asks for and is not supported."""
+    report = builder.report
+    lights = added_up(builder.lights, report)
+    check_delta(builder)
+    placed = [*builder.shapes, *written_out(builder.uses, builder.objects, report)]
+    shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
+    report.check()
+    return SceneDescription(
+        name,
+        builder.camera,
+        builder.film,
+        shapes,
+        lights,
+        builder.occlusion_distance,
+        builder.defaults,
+        parameters,
+        () if builder.has_integrator else (NO_INTEGRATOR,),
+    )
+
+
+def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
+    material = resolved(placed.material, builder)
+    textured = _textured(material)
+    if placed.light is None:
+        return [ShapeDescription(_trimmed(placed.geometry, textured), material, None, placed.where)]
+    parts = lit(placed.geometry, placed.light, placed.where, builder.report)
+    return [ShapeDescription(_trimmed(part, textured), material, emission, placed.where) for part, emission in parts]
+
+
+def _textured(material: Material) -> bool:
+    if isinstance(material, Conductor):
+        return False
+    assert isinstance(material, Diffuse)
+    return not isinstance(material.reflectance, np.ndarray)
+
+
+def _trimmed(geometry: Geometry, textured: bool) -> Geometry:
+    """A shape without what only a texture would look at, so that it is no part of the scene's content."""
+    if textured:
+        return geometry
+    if isinstance(geometry, TriangleMesh | BilinearMesh):
+        return geometry if geometry.uv is None else replace(geometry, uv=None)
+    assert isinstance(geometry, Sphere | Disk)
+    return geometry if geometry.frame is None else replace(geometry, frame=None)

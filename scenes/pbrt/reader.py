@@ -1,0 +1,234 @@
+"""One pass over a scene file: each directive is read whole and handed to its meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from scenes.errors import SceneError, Unsupported
+from scenes.files import Files
+from scenes.pbrt.blocks import Blocks
+from scenes.pbrt.directives.camera import check_window
+from scenes.pbrt.directives.integrator import option
+from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
+from scenes.pbrt.directives.textures import declare, texture
+from scenes.pbrt.state import Builder, NamedMaterial, check_room
+from scenes.pbrt.text.lexer import Source, Token
+from scenes.pbrt.text.parameters import OTHER_SPACES, SPACES, Parameters
+from scenes.pbrt.text.stream import TokenStream
+from scenes.pbrt.text.syntax import PARAMETERS, Syntax
+from scenes.pbrt.text.template import Bindings, Header
+from scenes.pbrt.transforms import ARGUMENTS, apply_directive, identity
+
+
+class Reader:
+    """Fills a `Builder` from the text. What is not supported goes to the builder's report, and reading goes on."""
+
+    def __init__(self, source: Source, header: Header, bindings: Bindings, files: Files) -> None:
+        self.builder = Builder()
+        self._problem: SceneError | None = (
+            None  # the first one of values; reading goes on for what else is not supported
+        )
+        self._tokens = TokenStream(source, header.end, files)
+        self._syntax = Syntax(self._tokens, bindings, self.builder.report, lambda: self.builder.state.space)
+        self._late: dict[str, list[Callable[[], None]]] = {"float": [], "spectrum": []}
+        self._blocks = Blocks(self.builder)
+        # What only the world holds, and what may stand on both sides of WorldBegin.
+        self._world_words: dict[str, Callable[[Token], None]] = {
+            "AttributeBegin": self._blocks.begin,
+            "AttributeEnd": self._blocks.end,
+            "TransformBegin": self._blocks.begin,
+            "TransformEnd": self._blocks.end,
+            "ObjectBegin": lambda token: self._blocks.begin_object(self._syntax.string(token), token),
+            "ObjectEnd": self._blocks.end_object,
+            "ObjectInstance": lambda token: self._blocks.instance(self._syntax.string(token), token),
+            "ReverseOrientation": self._reverse_orientation,
+            "NamedMaterial": self._named_material,
+            "Texture": self._texture,
+            "Import": self._import,
+        }
+        self._words: dict[str, Callable[[Token], None]] = {
+            "WorldBegin": self._world_begin,
+            "CoordinateSystem": self._coordinate_system,
+            "CoordSysTransform": self._coord_sys_transform,
+            "ColorSpace": self._color_space,
+            "Attribute": self._attribute,
+            "Option": self._option,
+            "MediumInterface": self._medium_interface,
+            "ActiveTransform": self._active_transform,
+            "TransformTimes": self._transform_times,
+            "Include": lambda token: self._tokens.include(self._syntax.string(token), token),
+        }
+
+    def run(self) -> None:
+        """Read to the end; SceneError for what is malformed."""
+        try:
+            while (token := self._tokens.next()) is not None:
+                self._one(token)
+        finally:  # also of a text that breaks off, so that what is not supported is known
+            for make in (*self._late["float"], *self._late["spectrum"]):
+                make()
+        if self._problem is not None:
+            raise self._problem
+        self._blocks.check_closed()
+        if not self.builder.in_world:
+            raise SceneError("the scene has no WorldBegin", self._tokens.end())
+
+    def _one(self, token: Token) -> None:
+        if token.kind == "end":
+            self._blocks.end_import(token)
+        elif token.kind != "word":
+            raise SceneError(f"{token} stands where a directive should", token.where)
+        else:
+            self._attempt(token, lambda: self._directive(token))
+
+    def _attempt(self, token: Token, read: Callable[[], None]) -> None:
+        try:
+            with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
+                read()
+        except Unsupported as problem:
+            self.builder.report.add(problem.message, problem.location or token.where)
+
+    def _directive(self, token: Token) -> None:
+        name = token.text
+        if name in ARGUMENTS:
+            numbers = self._syntax.numbers(token, ARGUMENTS[name])
+            state = self.builder.state
+            self.builder.state = replace(state, transform=apply_directive(name, numbers, state.transform, token.where))
+        elif name in self._words:
+            self._words[name](token)
+        elif name in OPTIONS:
+            self._one_option(token)
+        elif name in self._world_words:
+            self._need_world(token)
+            self._world_words[name](token)
+        elif name in WORLD or name in ANYWHERE:
+            self._parametrised(token)
+        else:
+            known = [*ARGUMENTS, *self._words, *self._world_words, *OPTIONS, *WORLD, *ANYWHERE]
+            raise SceneError(f"unknown directive {_short(name)!r}; there are: {', '.join(sorted(known))}", token.where)
+
+    def _parametrised(self, token: Token) -> None:
+        if token.text in WORLD:
+            self._need_world(token)
+        handler, target = WORLD[token.text] if token.text in WORLD else ANYWHERE[token.text]
+        kind = self._syntax.string(token)
+        parameters = self._syntax.parameters(token, self.builder.state.attributes.get(target, ()))
+        self._mean(parameters, lambda: handler(self.builder, kind, parameters))
+
+    def _mean(self, parameters: Parameters, handle: Callable[[], None]) -> None:
+        """What a directive with parameters means, once it is read whole."""
+        try:
+            handle()
+            parameters.finish()
+        except Unsupported:
+            raise
+        except SceneError as problem:
+            self._problem = self._problem or problem
+
+    def _one_option(self, token: Token) -> None:
+        if self.builder.in_world:
+            raise SceneError(f"{token.text} must come before WorldBegin", token.where)
+        kind = self._syntax.string(token)
+        parameters = self._syntax.parameters(token)
+        self._mean(parameters, lambda: OPTIONS[token.text](self.builder, kind, parameters))
+
+    def _need_world(self, token: Token) -> None:
+        if not self.builder.in_world:
+            raise SceneError(f"{token.text} must come after WorldBegin", token.where)
+
+    def _world_begin(self, token: Token) -> None:
+        if self.builder.in_world:
+            raise SceneError("WorldBegin is given twice", token.where)
+        check_window(self.builder)
+        self.builder.in_world = True
+        self.builder.state = replace(self.builder.state, transform=identity())
+        self.builder.systems["world"] = identity()
+
+    def _reverse_orientation(self, token: Token) -> None:
+        self.builder.state = replace(self.builder.state, reverse=not self.builder.state.reverse)
+
+    def _named_material(self, token: Token) -> None:
+        material = NamedMaterial(self._syntax.string(token), token.where)
+        self.builder.state = replace(self.builder.state, material=material)
+
+    def _texture(self, token: Token) -> None:
+        name, type_, kind = (self._syntax.string(token) for _ in range(3))
+        parameters: Parameters = self._syntax.parameters(token, self.builder.state.attributes.get("texture", ()))
+        try:
+            declare(self.builder, name, type_, token.where)
+        except SceneError as problem:
+            self._problem = self._problem or problem
+            return
+        make = partial(self._mean, parameters, lambda: texture(self.builder, name, type_, kind, parameters))
+        if kind == "imagemap":
+            make()
+        else:  # pbrt makes images first, then numbers, then colours, so that a texture may name one that comes behind it
+            self._late[type_].append(partial(self._attempt, token, make))
+
+    def _import(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        end = Token("end", token.text, token.source, token.offset)
+        self._blocks.begin(end)
+        self._tokens.include(name, token, end)
+
+    def _coordinate_system(self, token: Token) -> None:
+        check_room(self.builder.systems, "coordinate systems", token.where)
+        self.builder.systems[self._syntax.string(token)] = self.builder.state.transform
+
+    def _coord_sys_transform(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        if name not in self.builder.systems:
+            known = ", ".join(self.builder.systems) or "none"
+            raise SceneError(f"no coordinate system is called {name!r}; there are: {known}", token.where)
+        self.builder.state = replace(self.builder.state, transform=self.builder.systems[name])
+
+    def _color_space(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        if name.lower() not in SPACES:
+            if name.lower() not in OTHER_SPACES:
+                raise SceneError(f"no colour space is called {name!r}; there are: {', '.join(SPACES)}", token.where)
+            raise Unsupported(f'ColorSpace "{name}" is not supported; supported: {", ".join(SPACES)}', token.where)
+        self.builder.state = replace(self.builder.state, space=name.lower())
+
+    def _attribute(self, token: Token) -> None:
+        target = self._syntax.string(token)
+        if target not in ATTRIBUTE_TARGETS:
+            raise SceneError(f'Attribute "{target}": there are {", ".join(ATTRIBUTE_TARGETS)}', token.where)
+        state = self.builder.state
+        items = (*state.attributes.get(target, ()), *self._syntax.items())
+        by_name = {(item.type, item.name): item for item in items}  # the last one holds
+        if len(by_name) > PARAMETERS:
+            raise SceneError(f'more than {PARAMETERS} parameters of Attribute "{target}"', token.where)
+        self.builder.state = replace(state, attributes={**state.attributes, target: tuple(by_name.values())})
+
+    def _option(self, token: Token) -> None:
+        name = self._syntax.string(token)
+        value = self._syntax.word(token, "a value")
+        option(self.builder, name, value, token.where)
+
+    def _medium_interface(self, token: Token) -> None:
+        names = [self._syntax.string(token)]
+        following = self._tokens.peek()
+        if following is not None and following.kind == "string":
+            names.append(self._syntax.string(token))
+        if any(names):
+            shown = " ".join(f'"{name}"' for name in names)
+            raise Unsupported(f"MediumInterface {shown} is not supported: space is empty", token.where)
+
+    def _active_transform(self, token: Token) -> None:
+        which = self._syntax.word(token, "All, StartTime or EndTime")
+        if which not in ("All", "StartTime", "EndTime"):
+            raise SceneError(f"ActiveTransform is All, StartTime or EndTime, not {_short(which)!r}", token.where)
+        if which != "All":
+            raise Unsupported(f"ActiveTransform {which} is not supported: nothing moves", token.where)
+
+    def _transform_times(self, token: Token) -> None:
+        self._syntax.numbers(token, 2)  # of no effect while nothing moves
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,168 @@
+"""What has been read of a scene so far, and the state of the file that the next directive meets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sized
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.description import (
+    Diffuse,
+    Emission,
+    Film,
+    Geometry,
+    Light,
+    Material,
+    PerspectiveCamera,
+    PixelFilter,
+    RenderDefaults,
+    Texture,
+)
+from scenes.errors import Location, Report, SceneError, Unsupported
+from scenes.pbrt.text.parameters import SRGB, Parameter, Parameters
+from scenes.pbrt.transforms import Transform, identity
+
+DEFAULT_REFLECTANCE = 0.5
+COUNT_LIMIT = 1_000_000  # of shapes, of lights, of names: a few GB
+
+# pbrt-v4's radii of its filters where a file gives none, and its filter where a file names none.
+FILTERS = {"box": 0.5, "triangle": 2.0, "gaussian": 1.5}
+UNSAID = PixelFilter("gaussian", FILTERS["gaussian"], FILTERS["gaussian"], 0.5)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NamedMaterial:
+    """A use of a material by its name; resolved once the whole file is read, as in pbrt."""
+
+    name: str
+    where: Location
+
+
+@dataclass(frozen=True)
+class TexturedDiffuse:
+    """A diffuse material whose reflectance is the spectrum texture of this name; resolved like `NamedMaterial`."""
+
+    texture: str
+    where: Location
+
+
+MaterialUse = Material | TexturedDiffuse | NamedMaterial
+
+
+@dataclass(frozen=True, eq=False)
+class AreaLight:
+    """`AreaLightSource`. emission: what it is but for `power`, which is in W, None if not given, and spread over each shape."""
+
+    emission: Emission
+    power: float | None
+    where: Location
+
+
+@dataclass(frozen=True, eq=False)
+class GraphicsState:
+    """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its target. space: of `rgb`."""
+
+    transform: Transform = field(default_factory=identity)
+    reverse: bool = False
+    material: MaterialUse = field(default_factory=lambda: Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
+    light: AreaLight | None = None
+    space: str = SRGB
+    attributes: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict[str, tuple[Parameter, ...]])
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedShape:
+    """A shape of the file, in world space or in the space of its object, with the state that it was given in."""
+
+    geometry: Geometry
+    material: MaterialUse
+    light: AreaLight | None
+    where: Location
+
+
+@dataclass(frozen=True, eq=False)
+class InstanceUse:
+    """One `ObjectInstance`."""
+
+    name: str
+    transform: Transform
+    where: Location
+
+
+@dataclass(frozen=True, eq=False)
+class NamedTexture:
+    """A texture by its name; value is None where it is not supported, which the report then says. size: its nodes.
+
+    plain: whether pbrt takes it for a constant.
+    """
+
+    value: Texture | None
+    size: int
+    plain: bool = False
+
+
+@dataclass(eq=False)
+class Builder:
+    """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name. texels: of all images.
+
+    without_lights: where `Integrator` says that lights are not to be sampled.
+    """
+
+    report: Report = field(default_factory=Report)
+    state: GraphicsState = field(default_factory=GraphicsState)
+    in_world: bool = False
+    camera: PerspectiveCamera = field(default_factory=lambda: PerspectiveCamera(np.eye(4), 90.0))
+    screen_window: tuple[Array, Location] | None = None
+    film: Film = field(default_factory=lambda: Film(1280, 720, "", UNSAID))
+    defaults: RenderDefaults = field(default_factory=RenderDefaults)
+    occlusion_distance: float = np.inf
+    without_lights: Location | None = None
+    has_integrator: bool = False
+    materials: dict[str, MaterialUse] = field(default_factory=dict[str, MaterialUse])
+    textures: dict[tuple[str, str], NamedTexture] = field(default_factory=dict[tuple[str, str], NamedTexture])
+    texture_names: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
+    systems: dict[str, Transform] = field(default_factory=dict[str, Transform])
+    shapes: list[PlacedShape] = field(default_factory=list[PlacedShape])
+    lights: list[Light] = field(default_factory=list[Light])
+    objects: dict[str, list[PlacedShape]] = field(default_factory=dict[str, list[PlacedShape]])
+    current_object: str | None = None
+    uses: list[InstanceUse] = field(default_factory=list[InstanceUse])
+    texels: int = 0
+    images: dict[tuple[str, ...], Array] = field(
+        default_factory=dict[tuple[str, ...], Array]
+    )  # `scenes.pbrt.directives.texels` fills it
+
+
+Handler = Callable[[Builder, str, Parameters], None]
+
+
+def check_room(collection: Sized, what: str, where: Location) -> None:
+    """SceneError where a file makes more of something than memory should be filled with."""
+    if len(collection) >= COUNT_LIMIT:
+        raise SceneError(f"more than {COUNT_LIMIT:,} {what}", where)
+
+
+def refuse_kind(kind: str, supported: str, parameters: Parameters) -> None:
+    """`Unsupported` unless `kind` is one of the words of `supported`."""
+    if kind not in supported.split():
+        allowed = ", ".join(f'"{name}"' for name in supported.split())
+        raise Unsupported(f'{parameters.owner} "{kind}" is not supported; supported: {allowed}', parameters.where)
+
+
+def must_be(
+    parameters: Parameters, name: str, value: float | str | bool, allowed: float | str | bool, why: str
+) -> None:
+    """Report the parameter `name` unless its value is the one that is simulated."""
+    if value != allowed:
+        shown = (
+            f'"{allowed}"'
+            if isinstance(allowed, str)
+            else f"{allowed:g}"
+            if isinstance(allowed, float)
+            else str(allowed).lower()
+        )
+        parameters.unsupported(name, f"{parameters.owner}: {name} must be {shown}: {why}")

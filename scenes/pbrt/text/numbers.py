@@ -1,0 +1,102 @@
+"""Lists of values: long runs of numbers are read in one go, and become tokens only where something is wrong with them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.errors import SceneError
+from scenes.pbrt.text.lexer import Source, Token, tokenize
+
+SHORT = 40  # characters: up to there tokens are as quick
+SINGLES = 1_000_000  # tokens of one list that are in no run
+
+# A run: numbers, space and comments, possessive, so that a failure costs one pass. What follows a number at once belongs to its
+# word, a `#` too; so a run ends where its last word does. (?![$] ): a template's declaration is no comment.
+_WORD = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+(?=[ \t\r\n\]])"
+_RUN = re.compile(rf"(?:[ \t\r\n]++|{_WORD}|#(?!\$(?![^ \t\r\n]))[^\r\n]*+)*+")
+_COMMENT = re.compile(r"#[^\r\n]*")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Finite numbers of a text, `array` (m,) float64, between the offsets start and end. whole: whether each is written as a whole number."""
+
+    array: NDArray[np.float64]
+    whole: bool
+    source: Source
+    start: int
+    end: int
+
+    def tokens(self) -> Iterator[Token]:
+        """The numbers as they are written."""
+        return islice(tokenize(self.source, self.start), len(self.array))
+
+
+def read_run(source: Source, start: int) -> Run | None:
+    """The numbers from offset `start` up to a bracket or to what is no plain number; None where they are few.
+
+    SceneError at a number that is beyond the range of float64.
+    """
+    match = _RUN.match(source.text, start, start + SHORT)
+    if match is None or match.end() < start + SHORT - _longest_word(source.text, start + SHORT):
+        return None
+    match = _RUN.match(source.text, start)
+    end = start if match is None else match.end()
+    piece = source.text[start:end]
+    if "#" in piece:
+        piece = _COMMENT.sub(" ", piece)
+    if not piece.strip():
+        return None
+    array = np.fromstring(piece, dtype=np.float64, sep=" ")
+    if not np.all(np.isfinite(array)):
+        word = next(islice(tokenize(source, start), int(np.argmin(np.isfinite(array))), None))
+        raise SceneError(f"{word.text[:40]} is beyond the range of a number", word.where)
+    return Run(array, not any(letter in piece for letter in ".eE"), source, start, end)
+
+
+def _longest_word(text: str, end: int) -> int:
+    """How much of a word may stand cut off before `end`."""
+    head = text[max(end - SHORT, 0) : end]
+    return len(head) - 1 - max(head.rfind(space) for space in " \t\r\n")
+
+
+class Values:
+    """The values of a parameter, in runs and single tokens, whose tokens are made when asked for.
+
+    No `Sequence`: an index costs as much as all the tokens before it.
+    """
+
+    def __init__(self, parts: Sequence[Run | Token]) -> None:
+        self._parts = parts
+
+    def __len__(self) -> int:
+        return sum(len(part.array) if isinstance(part, Run) else 1 for part in self._parts)
+
+    def __iter__(self) -> Iterator[Token]:
+        for part in self._parts:
+            if isinstance(part, Run):
+                yield from part.tokens()
+            else:
+                yield part
+
+    def token(self, index: int) -> Token:
+        """The token of the value at `index`, for a message."""
+        return next(islice(iter(self), index, None))
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of it is runs of whole numbers."""
+        return all(isinstance(part, Run) and part.whole for part in self._parts)
+
+    def array(self, number: Callable[[Token], float]) -> NDArray[np.float64]:
+        """All values as numbers, (m,) float64. number: what a single token stands for."""
+        if len(self._parts) == 1 and isinstance(self._parts[0], Run):
+            return self._parts[0].array
+        pieces = [part.array if isinstance(part, Run) else np.array([number(part)]) for part in self._parts]
+        return np.concatenate([np.zeros(0), *pieces])

@@ -1,0 +1,225 @@
+"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and a word on what nobody reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.errors import Location, Report, SceneError
+from scenes.pbrt.text.lexer import Token
+from scenes.pbrt.text.numbers import Values
+from scenes.pbrt.text.template import Bindings
+
+Array = NDArray[np.float64]
+
+TYPES = (
+    "bool", "float", "integer", "string", "rgb", "point2", "point3",
+    "vector2", "vector3", "normal", "spectrum", "blackbody", "texture",
+)  # fmt: skip
+SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of older files
+INT32_MAX = 2**31 - 1
+SRGB = "srgb"
+SPACES = (SRGB, "rec2020", "dci-p3")  # those whose white is sRGB's
+OTHER_SPACES = ("aces2065-1",)
+# What pbrt takes where it takes numbers or colours, and nothing here does but where it says so.
+OTHER_FORMS = {"texture": ("float", "rgb", "spectrum"), "blackbody": ("rgb", "spectrum")}
+# What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is meant for other kinds, it is
+# reported all the same wherever it would have an effect.
+EFFECTIVE = ("normalmap", "displacement")
+
+T = TypeVar("T")
+Resolve = Callable[[str], Path]
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """One declared parameter and the tokens of its values. space: the `ColorSpace` where it stands."""
+
+    type: str
+    name: str
+    values: Values
+    where: Location
+    space: str = SRGB
+
+    def __str__(self) -> str:
+        return f'"{self.type} {self.name}"'
+
+
+class Parameters:
+    """The parameter list of one directive. Read everything that is supported, then call `finish`.
+
+    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this kind, one of each type and name; the directive's own override them.
+    """
+
+    def __init__(
+        self, owner: str, where: Location, items: Sequence[Parameter], bindings: Bindings, report: Report,
+        resolve: Resolve, defaults: Sequence[Parameter] = (),
+    ) -> None:  # fmt: skip
+        self.owner = owner
+        self.where = where
+        self.resolve = resolve
+        self._bindings = bindings
+        self._report = report
+        self.refused: set[str] = set()  # names that were given in a form that is not supported
+        self._supported: list[str] = []
+        self._given: dict[str, Parameter] = {}
+        for item in items:
+            if item.name in self._given:
+                raise SceneError(f"{item} is given twice to {owner}", item.where)
+            self._given[item.name] = item
+        self._unread = dict(self._given)
+        self._defaults = [item for item in defaults if item.name not in self._given]
+        self._unread |= {item.name: item for item in self._defaults if item.name in EFFECTIVE}
+
+    def located(self, name: str) -> Location:
+        """Where `name` was given; where the directive stands if it was not."""
+        found = next((item for item in self._items(name)), None)
+        return self.where if found is None else found.where
+
+    def given(self, name: str) -> bool:
+        """Whether the file gives a parameter of this name."""
+        return any(True for _ in self._items(name))
+
+    def _items(self, name: str) -> Iterator[Parameter]:
+        """The directive's own parameter of this name, or what `Attribute` said of it, the last first."""
+        if name in self._given:
+            yield self._given[name]
+        yield from (item for item in reversed(self._defaults) if item.name == name)
+
+    def fail(self, name: str, message: str) -> SceneError:
+        """A SceneError about `name`, located at it, to be raised by the caller."""
+        return SceneError(message, self.located(name))
+
+    def unsupported(self, name: str, message: str) -> None:
+        """Report what `name` asks for as not simulated, and go on."""
+        self._report.add(message, self.located(name))
+
+    def number(self, name: str, default: float) -> float:
+        """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a hash would."""
+        return self._one("float", name, default, self._bindings.number) + 0.0
+
+    def integer(self, name: str, default: int) -> int:
+        """One `integer`."""
+        return self._one("integer", name, default, self._whole)
+
+    def text(self, name: str, default: str) -> str:
+        """One `string`."""
+        return self._one("string", name, default, _string)
+
+    def text_of(self, parameter: Parameter) -> str:
+        """The one string of a parameter that was taken."""
+        return _single(parameter, _string)
+
+    def flag(self, name: str, default: bool) -> bool:
+        """One `bool`: true or false, in quotes if it must be."""
+        return self._one("bool", name, default, _bool)
+
+    def point(self, name: str, default: tuple[float, float, float]) -> Array:
+        """One `point3`: (3,) float64."""
+        found = self.vectors("point3", name)
+        if found is not None and len(found) != 1:
+            raise self.fail(name, f'"point3 {name}" is one point, not {len(found)}')
+        return np.array(default) if found is None else found[0] + 0.0
+
+    def vectors(self, type_: str, name: str) -> Array | None:
+        """All values of a `point3`, `point2` and the like as rows: (m, 3) or (m, 2) float64; None if not given."""
+        parameter = self.take(name, type_)
+        if parameter is None:
+            return None
+        size = 2 if type_.endswith("2") else 3
+        if not len(parameter.values) or len(parameter.values) % size:
+            count = len(parameter.values)
+            raise SceneError(f"{parameter} takes groups of {size} numbers, not {count} numbers", parameter.where)
+        return self.values(parameter).reshape(-1, size)
+
+    def numbers(self, name: str) -> Array | None:
+        """All values of a `float` list, (m,) float64; None if not given."""
+        parameter = self.take(name, "float")
+        return None if parameter is None else self.values(parameter)
+
+    def integers(self, name: str) -> tuple[NDArray[np.int64], Values] | None:
+        """All values of an `integer` list, (m,) int64, and their tokens for messages; None if not given."""
+        parameter = self.take(name, "integer")
+        if parameter is None:
+            return None
+        values = parameter.values
+        if values.whole:
+            array = self.values(parameter)
+            if not np.any(np.abs(array) > INT32_MAX):
+                return array.astype(np.int64), values
+        return np.array([self._whole(token) for token in values], dtype=np.int64), values
+
+    def values(self, parameter: Parameter) -> Array:
+        """The numbers of a parameter that was taken: (m,) float64."""
+        return parameter.values.array(self._bindings.number) + 0.0
+
+    def take(self, name: str, *types: str) -> Parameter | None:
+        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of these types.
+
+        None too where it is of a form that pbrt would take, which is then reported. An `Attribute` of another type is meant for others.
+        """
+        self._supported.extend(f"{type_} {name}" for type_ in types)
+        self._unread.pop(name, None)
+        for parameter in self._items(name):
+            if parameter.type in types:
+                return parameter
+            allowed = " or ".join(f'"{type_} {name}"' for type_ in types)
+            if any(form in types for form in OTHER_FORMS.get(parameter.type, ())):
+                self._report.add(f"{parameter} of {self.owner} is not supported; supported: {allowed}", parameter.where)
+                self.refused.add(name)
+                return None
+            if name in self._given:
+                raise SceneError(f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where)
+        return None
+
+    def ignore(self) -> None:
+        """Take all that is left as read: it changes nothing here, or a larger part is not supported anyway."""
+        self._unread.clear()
+
+    def finish(self) -> None:
+        """Report each parameter that nobody has read, saying what is supported."""
+        for parameter in self._unread.values():
+            supported = ", ".join(f'"{name}"' for name in dict.fromkeys(self._supported)) or "none"
+            self._report.add(
+                f"{parameter} is not supported by {self.owner}; supported parameters: {supported}", parameter.where
+            )
+
+    def _one(self, type_: str, name: str, default: T, convert: Callable[[Token], T]) -> T:
+        parameter = self.take(name, type_)
+        if parameter is None:
+            return default
+        return _single(parameter, convert)
+
+    def _whole(self, token: Token) -> int:
+        value = self._bindings.number(token)
+        decimal = not token.text.startswith("$") and not token.text.lstrip("+-").isdigit()
+        if decimal or value != int(value) or abs(value) > INT32_MAX:
+            raise SceneError(f"{_shown(token, value)} is not a whole number of 32 bits", token.where)
+        return int(value)
+
+
+def _single(parameter: Parameter, convert: Callable[[Token], T]) -> T:
+    if len(parameter.values) != 1:
+        raise SceneError(f"{parameter} takes one value, not {len(parameter.values)}", parameter.where)
+    return convert(parameter.values.token(0))
+
+
+def _shown(token: Token, value: float) -> str:
+    return f"{token} = {value:g}" if token.text.startswith("$") else token.text
+
+
+def _string(token: Token) -> str:
+    if token.kind != "string":
+        raise SceneError(f"{token} is not a quoted string", token.where)
+    return token.text
+
+
+def _bool(token: Token) -> bool:
+    if token.text not in ("true", "false"):
+        raise SceneError(f"{token} is not a bool: write true or false", token.where)
+    return token.text == "true"

@@ -1,0 +1,86 @@
+"""The tokens of a scene file and of what it includes, as one stream."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scenes.errors import Location, SceneError
+from scenes.files import FILE_LIMIT, Files
+from scenes.pbrt.text.lexer import Source, Token, Tokenizer, read_source
+from scenes.pbrt.text.numbers import Run, read_run
+
+INCLUDE_DEPTH = 16
+INCLUDE_COUNT = 1000  # files that include each other twice would else grow as a power of two
+
+
+class TokenStream:
+    """Tokens one after another, through the files that `include` opens and back."""
+
+    def __init__(self, source: Source, start: int, files: Files) -> None:
+        self._main = source
+        self._files = files
+        self._stack: list[tuple[Tokenizer, Token | None]] = [(Tokenizer(source, start), None)]
+        self._peeked: Token | None = None
+        self._included = self._read = 0
+
+    def next(self) -> Token | None:
+        """The next token, of kind "end" where an imported file is over; None at the end."""
+        if self._peeked is not None:
+            token, self._peeked = self._peeked, None
+            return token
+        while self._stack:
+            token = self._stack[-1][0].next()
+            if token is not None:
+                return token
+            _, end = self._stack.pop()
+            if end is not None:
+                return end
+        return None
+
+    def peek(self) -> Token | None:
+        """The next token, left where it is."""
+        if self._peeked is None:
+            self._peeked = self.next()
+        return self._peeked
+
+    def required(self, owner: Token, wanted: str) -> Token:
+        """The next token; SceneError at `owner` where the file ends instead."""
+        token = self.next()
+        if token is None or token.kind == "end":
+            raise SceneError(f"the file ends after {owner}, which needs {wanted}", owner.where)
+        return token
+
+    def run(self) -> Run | None:
+        """The plain numbers that stand here, if they are many; None: read the next token."""
+        if self._peeked is not None or not self._stack:
+            return None
+        tokenizer = self._stack[-1][0]
+        run = read_run(tokenizer.source, tokenizer.offset)
+        if run is not None:
+            tokenizer.offset = run.end
+        return run
+
+    def find(self, name: str, token: Token) -> Path:
+        """A file named in the scene, at `token`."""
+        return self._files.find(name, token.source.folder, token.where)
+
+    def include(self, name: str, token: Token, end: Token | None = None) -> None:
+        """Continue with the file `name`, and give `end` when it is over; SceneError for cycles, depth and what cannot be read."""
+        path = self.find(name, token)
+        here = [Path(tokenizer.source.file).resolve() for tokenizer, _ in self._stack]
+        if path.resolve() in here:
+            raise SceneError(f"{name!r} includes itself", token.where)
+        self._included += 1
+        if len(self._stack) >= INCLUDE_DEPTH or self._included > INCLUDE_COUNT:
+            raise SceneError(
+                f"too many includes: at most {INCLUDE_DEPTH} inside each other and {INCLUDE_COUNT} in all", token.where
+            )
+        source = read_source(path, token.where)
+        self._read += len(source.text)
+        if self._read > FILE_LIMIT:
+            raise SceneError(f"the included files are larger than {FILE_LIMIT >> 20} MiB in all", token.where)
+        self._stack.append((Tokenizer(source), end))
+
+    def end(self) -> Location:
+        """The end of the main file, for what is missing from it."""
+        return self._main.location(len(self._main.text))

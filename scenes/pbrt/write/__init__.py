@@ -1,0 +1,1 @@
+"""A `SceneDescription` as pbrt-v4 text."""

@@ -1,0 +1,234 @@
+"""A `SceneDescription` as real pbrt-v4 text: one file, and its images beside it, that pbrt-v4 renders to the same image.
+
+Numbers are written so that reading them gives the same float64, and transformations so that no rounding enters
+(a rotation is inverted by transposition, and translations stand apart from it). What is read back is therefore
+bitwise the description that was written, with the same `content_hash`; images go through float32, which those of
+EXR files are. A camera whose axes are farther from orthonormal than `transforms.ROUNDING` cannot come from a scene
+file and is refused. What pbrt-v4 lacks is written in our own words, under a comment that says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from scenes.description import (
+    Array,
+    Disk,
+    DistantLight,
+    Environment,
+    Film,
+    Geometry,
+    Light,
+    PerspectiveCamera,
+    PointLight,
+    RenderDefaults,
+    SceneDescription,
+    ShapeDescription,
+    Sphere,
+    SpotLight,
+    TriangleMesh,
+)
+from scenes.errors import PenumbraError
+from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light, scaled_image
+from scenes.pbrt.write.text import block, check_orthonormal, comment, matrix, numbers, quoted, rotation
+
+AMBIENT = "ambient-occlusion"
+SIMPLE_PATH = {"bsdf": "true", "hemisphere": "false"}  # estimators that pbrt's `simplepath` has, by its `samplebsdf`
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedScene:
+    """text: the scene. images: (h, w, 3) float64 by the file names that it gives, to be written as float32. notes: what a user should know."""
+
+    text: str
+    images: dict[str, Array] = field(default_factory=dict[str, Array])
+    notes: tuple[str, ...] = ()
+
+
+def to_pbrt(scene: SceneDescription) -> str:
+    """The scene as text alone; PenumbraError where it has images, which need files: see `export`."""
+    exported = export(scene, comment(scene.name))
+    if exported.images:
+        raise PenumbraError(
+            f"scene {scene.name}: it has images, which go into files beside the text: give an output file"
+        )
+    return exported.text
+
+
+def export(scene: SceneDescription, stem: str) -> ExportedScene:
+    """The scene as pbrt-v4 text, meshes inline, in the world's coordinates and with direct light only.
+
+    stem: what the names of its images begin with. PenumbraError where there is no text for it.
+    """
+    files = SideFiles(stem)
+    surfaces = Surfaces(files)
+    body: list[str] = []
+    for light in scene.lights:
+        body += _attribute(_light(light, files))
+    for shape in scene.shapes:
+        body += _attribute(_shape(shape, surfaces))
+    notes = _notes(scene, files)
+    head = [f"# {comment(scene.name)}, exported by penumbra"]
+    if scene.parameters:
+        head.append("# with " + ", ".join(f"{name} = {value!r}" for name, value in scene.parameters))
+    head += [f"# {note}" for note in notes]
+    head += [
+        *_camera(scene.camera),
+        *_film(scene.film, scene.name),
+        *_sampling(_written(scene), scene.occlusion_distance),
+    ]
+    return ExportedScene("\n".join([*head, "", "WorldBegin", *body]) + "\n", files.images, notes)
+
+
+def _attribute(lines: list[str]) -> list[str]:
+    return ["", "AttributeBegin", *(f"  {line}" for line in lines), "AttributeEnd"]
+
+
+def _notes(scene: SceneDescription, files: SideFiles) -> tuple[str, ...]:
+    notes: list[str] = []
+    if any(isinstance(light, Environment) and _is_ours(light) for light in scene.lights):
+        notes.append("pbrt-v4 itself will refuse this file: an infinite light has parameters that are Penumbra's own")
+    if np.isfinite(scene.occlusion_distance) and scene.defaults.estimator != AMBIENT:
+        notes.append(
+            f"the occlusion distance, {scene.occlusion_distance:g}, is left out: pbrt has one for ambient occlusion only"
+        )
+    if files.rounded:
+        notes.append("images are rounded to float32")
+    if files.uneven:
+        notes.append("textures have sides that are no powers of two; whoever reads the file resizes them, as pbrt does")
+    return tuple(notes)
+
+
+def _is_ours(light: Environment) -> bool:
+    return light.hemisphere or (light.image is not None and light.mapping != "equal-area")
+
+
+def _camera(camera: PerspectiveCamera) -> list[str]:
+    axes = camera.camera_to_world[:3, :3]
+    check_orthonormal(axes, "the camera's")
+    return [
+        matrix("Transform", axes.T),
+        f"Translate {numbers(-camera.camera_to_world[:3, 3])}",
+        f'Camera "perspective" "float fov" [ {camera.fov!r} ]',
+    ]
+
+
+def _film(film: Film, name: str) -> list[str]:
+    filename = film.filename or f"{comment(name)}.exr"
+    chosen = film.pixel_filter
+    sigma = f' "float sigma" [ {chosen.sigma!r} ]' if chosen.kind == "gaussian" else ""
+    return [
+        f'Film "rgb" "integer xresolution" [ {film.width} ] "integer yresolution" [ {film.height} ]'
+        f' "string filename" [ {quoted(filename)} ] "bool savefp16" [ false ]',
+        f'PixelFilter "{chosen.kind}" "float xradius" [ {chosen.xradius!r} ] "float yradius" [ {chosen.yradius!r} ]{sigma}',
+    ]
+
+
+def _written(scene: SceneDescription) -> RenderDefaults:
+    """The defaults that the text can tell: without light sampling pbrt would lose the lights that no direction finds."""
+    lost = scene.defaults.estimator in SIMPLE_PATH and any(not isinstance(light, Environment) for light in scene.lights)
+    return replace(scene.defaults, estimator=None) if lost else scene.defaults
+
+
+def _sampling(defaults: RenderDefaults, occlusion_distance: float) -> list[str]:
+    count = f'"integer pixelsamples" [ {defaults.spp} ]'
+    if defaults.sampler == "stratified":
+        rows = next(n for n in range(int(np.sqrt(defaults.spp)), 0, -1) if defaults.spp % n == 0)
+        count = f'"integer xsamples" [ {defaults.spp // rows} ] "integer ysamples" [ {rows} ]'
+    return [
+        f'Sampler "{defaults.sampler}" {count} "integer seed" [ {defaults.seed} ]',
+        _integrator(defaults, occlusion_distance),
+    ]
+
+
+def _integrator(defaults: RenderDefaults, occlusion_distance: float) -> str:
+    if defaults.estimator == AMBIENT:
+        ends = np.isfinite(occlusion_distance)
+        return 'Integrator "ambientocclusion"' + (f' "float maxdistance" [ {occlusion_distance!r} ]' if ends else "")
+    if defaults.estimator in SIMPLE_PATH:
+        brdf = SIMPLE_PATH[defaults.estimator]
+        return f'Integrator "simplepath" "integer maxdepth" [ 1 ] "bool samplelights" [ false ] "bool samplebsdf" [ {brdf} ]'
+    return 'Integrator "path" "integer maxdepth" [ 1 ]'
+
+
+def _light(light: Light, files: SideFiles) -> list[str]:
+    match light:
+        case PointLight():
+            return [
+                f'LightSource "point" "point3 from" [ {numbers(light.position)} ] "rgb I" [ {numbers(light.intensity)} ]'
+            ]
+        case SpotLight():
+            cone = (
+                f'"float coneangle" [ {light.cone!r} ] "float conedeltaangle" [ {light.cone - light.falloff_start!r} ]'
+            )
+            aim = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.axis)} ]'
+            place = f"Translate {numbers(light.position)}"
+            return [place, f'LightSource "spot" {aim} {cone} "rgb I" [ {numbers(light.intensity)} ]']
+        case DistantLight():
+            aim = f'"point3 from" [ {numbers(light.wi)} ] "point3 to" [ 0 0 0 ]'
+            return [f'LightSource "distant" {aim} "rgb L" [ {numbers(light.irradiance)} ]']
+        case Environment():
+            return _infinite(light, files)
+
+
+def _infinite(light: Environment, files: SideFiles) -> list[str]:
+    lines = ["# not pbrt-v4's: `mapping` and `hemisphere` are Penumbra's own"] if _is_ours(light) else []
+    if light.image is not None or light.hemisphere:
+        lines.append(rotation(light.frame, "an infinite light's"))
+    ours = ' "bool hemisphere" [ true ]' if light.hemisphere else ""
+    if light.image is None:
+        return [*lines, f'LightSource "infinite" "rgb L" [ {numbers(light.radiance)} ]{ours}']
+    if light.mapping != "equal-area":
+        ours = f' "string mapping" "{light.mapping}"{ours}'
+    name, scale = scaled_image(light.image, light.radiance, files)
+    return [*lines, f'LightSource "infinite" "string filename" {name}{scale}{ours}']
+
+
+def _shape(shape: ShapeDescription, surfaces: Surfaces) -> list[str]:
+    lines: list[str] = []
+    if shape.emission is not None:
+        lines.append(area_light(shape.emission, surfaces.files))
+    lines += surfaces.material(shape.material)
+    return [*lines, *_geometry(shape.geometry, shape.emission is not None)]
+
+
+def _geometry(geometry: Geometry, emits: bool) -> list[str]:
+    if isinstance(geometry, Disk):
+        return [*_disk_frame(geometry, emits), f'Shape "disk" "float radius" [ {geometry.radius!r} ]']
+    if isinstance(geometry, Sphere):
+        return [*_sphere_frame(geometry), f'Shape "sphere" "float radius" [ {geometry.radius!r} ]']
+    kind = "trianglemesh" if isinstance(geometry, TriangleMesh) else "bilinearmesh"
+    lines = ["ReverseOrientation"] if geometry.reverse else []
+    lines += [f'Shape "{kind}"', *block('"point3 P"', geometry.vertices.ravel().tolist())]
+    if geometry.uv is not None:
+        lines += block('"point2 uv"', geometry.uv.ravel().tolist())
+    return [*lines, *block('"integer indices"', geometry.faces.ravel().tolist())]
+
+
+def _sphere_frame(sphere: Sphere) -> list[str]:
+    center = f"Translate {numbers(sphere.center)}"
+    if sphere.frame is None:
+        return [*(["ReverseOrientation"] if sphere.reverse else []), center]
+    turned = sphere.reverse != _mirrors(sphere.frame)
+    return [*(["ReverseOrientation"] if turned else []), center, rotation(sphere.frame, "a sphere's")]
+
+
+def _disk_frame(disk: Disk, emits: bool) -> list[str]:
+    """The transformation to the disk, its normal to the bit: of its own frame, or of a right-handed one whose third axis is the normal."""
+    place = f"Translate {numbers(disk.center)}"
+    if disk.frame is not None:
+        against = float(disk.frame[:, 2] @ disk.normal) < 0
+        turned = against != (
+            _mirrors(disk.frame) and not emits
+        )  # a light keeps its side under a mirror, in pbrt and here
+        return [*(["ReverseOrientation"] if turned else []), place, rotation(disk.frame, "a disk's")]
+    normal = disk.normal
+    tangent = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
+    tangent /= np.linalg.norm(tangent)
+    return [place, matrix("ConcatTransform", np.stack([tangent, np.cross(normal, tangent), normal], axis=1))]
+
+
+def _mirrors(frame: Array) -> bool:
+    return bool(np.linalg.det(frame) < 0)

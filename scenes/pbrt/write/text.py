@@ -1,0 +1,57 @@
+"""Numbers and directives of pbrt-v4 text, written so that reading them gives the same float64."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.errors import PenumbraError
+from scenes.pbrt.transforms import ROUNDING
+
+Array = NDArray[np.float64]
+
+WRAP = 12  # numbers a line
+
+
+def comment(text: str) -> str:
+    """`text` on one line, "scene" where there is none."""
+    return " ".join(text.split()) or "scene"
+
+
+def quoted(text: str) -> str:
+    """A string of pbrt's, in its quotes."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\r", "\\r")
+    return f'"{escaped}"'
+
+
+def numbers(values: Array) -> str:
+    """Numbers apart by spaces."""
+    return " ".join(repr(value) for value in values.ravel().tolist())
+
+
+def block(name: str, values: list[float] | list[int]) -> list[str]:
+    """A parameter with many values, over several lines."""
+    rows: Iterable[str] = (" ".join(map(repr, values[i : i + WRAP])) for i in range(0, len(values), WRAP))
+    return [f"  {name} [", *(f"    {row}" for row in rows), "  ]"]
+
+
+def matrix(directive: str, linear: Array) -> str:
+    """A linear map (3, 3), column after column as pbrt reads it."""
+    full = np.eye(4)
+    full[:3, :3] = linear
+    columns = (" ".join(repr(value) for value in column) for column in (full.T + 0.0).tolist())
+    return f"{directive} [ {'  '.join(columns)} ]"
+
+
+def rotation(linear: Array, what: str) -> str:
+    """`ConcatTransform` of orthonormal axes, which are read back to the bit; PenumbraError naming `what` where they are not."""
+    check_orthonormal(linear, what)
+    return matrix("ConcatTransform", linear)
+
+
+def check_orthonormal(linear: Array, what: str) -> None:
+    """PenumbraError unless the columns are orthonormal up to rounding, as those of every scene file are made."""
+    if np.abs(linear.T @ linear - np.eye(3)).max() > ROUNDING:
+        raise PenumbraError(f"{what} axes are not orthonormal: there is no exact pbrt text for them")

@@ -1,0 +1,1 @@
+"""PLY files: vertices and faces as they stand in the file."""

@@ -1,0 +1,46 @@
+"""Mitsuba through our conversion against pbrt-v4's own images: orientation, field of view, sidedness, radiometry."""
+
+from __future__ import annotations
+
+import pytest
+
+import scenes
+from pipeline.references.backends.mitsuba import MitsubaBackend
+from pipeline.references.protocol import ReferenceRequest
+from tests.kit.pbrt_images import (
+    NAMES,
+    NO_PBRT,
+    PBRT,
+    Pair,
+    assert_wrong_images_fail,
+    pair_with,
+    smallest_bias,
+)
+
+pytestmark = NO_PBRT
+
+
+def against_pbrt(name: str, colour: float, spp: int = 1024) -> Pair:
+    """The scene `name` by Mitsuba, and pbrt's two images of it."""
+    image = MitsubaBackend().render(scenes.load(str(PBRT / f"{name}.pbrt")), ReferenceRequest(spp=spp))
+    return pair_with(name, image.mean, image.variance, colour)
+
+
+# Lights at infinity, beside the four scenes with area lights. pbrt reads this sky itself, looked at with nothing in between,
+# as 0.24956 in blue where its file says 0.25: 0.175 % that are no noise (0.012 %), and no error of ours.
+AT_INFINITY = {"sky-and-sun": 2e-3, "asymmetric": 0.0}
+
+
+@pytest.fixture(scope="module", params=[*NAMES, *AT_INFINITY])
+def pair(request: pytest.FixtureRequest) -> Pair:
+    return against_pbrt(request.param, (NAMES | AT_INFINITY)[request.param])
+
+
+def test_mitsuba_agrees_with_pbrt(pair: Pair):
+    print(f"smallest bias of the image mean that would have been caught: {smallest_bias(pair):.2%}")
+    assert smallest_bias(pair) < 5e-3
+    assert pair.disagreements() == []
+
+
+def test_wrong_images_fail_the_same_test(pair: Pair):
+    assert_wrong_images_fail(pair)

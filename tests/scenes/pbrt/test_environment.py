@@ -1,0 +1,152 @@
+"""`LightSource "infinite"`: constants and images, their frames, their illuminance, and how several add up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.description import DistantLight, Environment, SceneDescription
+from scenes.errors import SceneError
+from scenes.images.exr import write_exr
+from scenes.pbrt.parser import parse_file
+from scenes.pbrt.spectra import LUMINANCE
+from tests.kit.scene_texts import HEAD, world, world_fails
+
+SKY = 'LightSource "infinite" "rgb L" [ 1 2 3 ]\n'
+
+
+def only(scene: SceneDescription) -> Environment:
+    (light,) = scene.lights
+    assert isinstance(light, Environment)
+    return light
+
+
+def with_image(
+    folder: Path, pixels: np.ndarray, parameters: str = "", before: str = "", after: str = ""
+) -> SceneDescription:
+    write_exr(folder / "sky.exr", dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))
+    (folder / "s.pbrt").write_text(
+        f'{HEAD}{before}LightSource "infinite" "string filename" "sky.exr" {parameters}\n{after}'
+    )
+    return parse_file(folder / "s.pbrt")
+
+
+def pixels(height: int, width: int) -> np.ndarray:
+    """Random radiances that float32 holds exactly."""
+    rng = np.random.default_rng(5)
+    return rng.uniform(0, 4, (height, width, 3)).astype(np.float32).astype(np.float64)
+
+
+def test_a_constant_sky() -> None:
+    light = only(world('LightSource "infinite"'))
+    assert (light.radiance.tolist(), light.image, light.hemisphere, light.mapping) == (
+        [1, 1, 1],
+        None,
+        False,
+        "equal-area",
+    )
+    light = only(world('Rotate 30 1 2 3 LightSource "infinite" "rgb L" [ 1 2 3 ] "float scale" 2'))
+    assert light.radiance.tolist() == [2, 4, 6]
+    assert light.frame.tolist() == np.eye(3).tolist()  # which way a constant sphere is turned is no content
+
+
+def test_illuminance_of_a_constant_sky_is_pi_times_its_radiance() -> None:
+    light = only(world('LightSource "infinite" "rgb L" [ 2 2 2 ] "float illuminance" 10'))
+    np.testing.assert_allclose(light.radiance, 2 * 10 / np.pi)  # pbrt scales L, it does not replace it
+
+
+def test_a_hemisphere_keeps_its_frame() -> None:
+    light = only(world('Rotate 90 1 0 0 LightSource "infinite" "bool hemisphere" true'))
+    assert light.hemisphere
+    assert light.frame.tolist() == [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+
+
+def test_constants_add_up_to_one_light_in_the_place_of_the_first() -> None:
+    sun = 'LightSource "distant"\n'
+    first, second = world(SKY + sun + 'LightSource "infinite" "rgb L" [ .5 0 0 ] "float scale" 2').lights
+    assert isinstance(first, Environment)
+    assert isinstance(second, DistantLight)
+    assert first.radiance.tolist() == [2, 2, 3]
+    half = 'LightSource "infinite" "bool hemisphere" true\n'
+    assert only(world(half + half)).radiance.tolist() == [2, 2, 2]
+
+
+def test_an_image(tmp_path: Path) -> None:
+    image = pixels(4, 4)
+    light = only(with_image(tmp_path, image, '"float scale" 3', "Rotate -90 1 0 0 Scale 5 5 5 "))
+    assert light.image is not None
+    assert light.image.tolist() == image.tolist()
+    assert (light.radiance.tolist(), light.mapping) == ([3, 3, 3], "equal-area")
+    np.testing.assert_allclose(light.frame, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
+    mirrored = only(with_image(tmp_path, image, "", "Scale -1 1 1 "))
+    assert mirrored.frame.tolist() == [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+def test_a_constant_is_added_to_the_texels_of_an_image(tmp_path: Path) -> None:
+    image = pixels(4, 4)
+    for order in ({"after": SKY}, {"before": SKY}):
+        light = only(with_image(tmp_path, image, '"float scale" 2', **order))
+        assert light.image is not None
+        np.testing.assert_array_equal(light.radiance * light.image, (2 * image + [1, 2, 3]).astype(np.float32))
+
+
+def test_a_latitude_longitude_image_is_named_as_such(tmp_path: Path) -> None:
+    light = only(with_image(tmp_path, pixels(4, 8), '"string mapping" "latitude-longitude"'))
+    assert (light.mapping, light.image is not None) == ("latitude-longitude", True)
+    with pytest.raises(SceneError, match=r"s\.pbrt:7:24: 'sky\.exr' is 8 x 4: .*latitude-longitude"):
+        with_image(tmp_path, pixels(4, 8))
+
+
+def test_illuminance_of_an_image_is_pbrt_s_sum(tmp_path: Path) -> None:
+    """pbrt's loop written out: each texel of the upper half by its cosine, times 2 pi over their number in all."""
+    image, total, size = pixels(8, 8), 0.0, 8
+    for y in range(size):
+        for x in range(size):
+            u, v = 2 * (x + 0.5) / size - 1, 2 * (y + 0.5) / size - 1
+            d = 1 - (abs(u) + abs(v))
+            z = np.copysign(1 - (1 - abs(d)) ** 2, d)
+            total += max(z, 0.0) * float(image[y, x] @ LUMINANCE) if z > 0 else 0.0
+    total *= 2 * np.pi / size**2
+    light = only(with_image(tmp_path, image, '"float illuminance" 7'))
+    np.testing.assert_allclose(light.radiance, 7 / total, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("height", "width", "mapping"), [(64, 64, "equal-area"), (64, 128, "latitude-longitude")])
+def test_illuminance_means_the_same_under_both_maps(tmp_path: Path, height: int, width: int, mapping: str) -> None:
+    """A white image of either map: pbrt divides by pi / 2, half of what a white sky gives. Texel centres are off by 2e-4 at 64 x 64."""
+    light = only(
+        with_image(tmp_path, np.ones((height, width, 3)), f'"float illuminance" 1 "string mapping" "{mapping}"')
+    )
+    np.testing.assert_allclose(light.radiance, 2 / np.pi, rtol=1e-3)
+
+
+def test_two_images_are_refused(tmp_path: Path) -> None:
+    again = 'LightSource "infinite" "string filename" "sky.exr"'
+    with pytest.raises(SceneError, match=r"s\.pbrt:8:1: two infinite lights with images"):
+        with_image(tmp_path, pixels(2, 2), after=again)
+
+
+@pytest.mark.parametrize(
+    ("body", "column", "words"),
+    [
+        ('Scale 1 2 1 LightSource "infinite"', 13, ("stretches or shears",)),
+        ('LightSource "infinite" "point3 portal" [ 0 0 0 1 0 0 1 1 0 0 1 0 ]', 24, ("portal",)),
+        ('LightSource "infinite" "string mapping" "cube"', 24, ('"cube"', "latitude-longitude")),
+        ('LightSource "infinite" "string filename" "gone.exr"', 24, ("gone.exr", "no such image")),
+        ('LightSource "infinite" "rgb L" [ 1 1 1 ] "string filename" "a.exr"', 42, ("either L or filename",)),
+        (
+            SKY.strip() + ' LightSource "infinite" "bool hemisphere" true',
+            len(SKY) + 1,
+            ("different parts of the sphere",),
+        ),
+    ],
+)
+def test_skies_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+    world_fails(body, 1, column, *words)
+
+
+def test_a_black_image_gives_no_illuminance(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="black above its horizon"):
+        with_image(tmp_path, np.zeros((2, 2, 3)), '"float illuminance" 1')

@@ -1,0 +1,116 @@
+"""`Material`: diffuse and conductors with pbrt-v4's defaults, and what of them is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenes import color as colours
+from scenes.description import Conductor, Diffuse, Material
+from tests.kit.scene_texts import world, world_fails
+
+BALL = ' Shape "sphere"'
+
+
+def material_of(body: str) -> Material:
+    return world(body + BALL).shapes[0].material
+
+
+def conductor(parameters: str) -> Conductor:
+    material = material_of(f'Material "conductor" {parameters}')
+    assert isinstance(material, Conductor)
+    return material
+
+
+def reflectance(parameters: str) -> np.ndarray:
+    material = material_of(f'Material "diffuse" {parameters}')
+    assert isinstance(material, Diffuse)
+    assert isinstance(material.reflectance, np.ndarray)
+    return material.reflectance
+
+
+def test_a_diffuse_reflectance_may_be_a_spectrum() -> None:
+    assert reflectance("").tolist() == [0.5, 0.5, 0.5]
+    np.testing.assert_allclose(reflectance('"spectrum reflectance" [ 300 0.25 900 0.25 ]'), 0.25, atol=1e-12)
+    ramp = reflectance('"spectrum reflectance" [ 360 0 830 1 ]')
+    np.testing.assert_array_equal(ramp, colours.sampled([360.0, 830.0], [0.0, 1.0], role="reflectance"))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "alpha"),
+    [
+        ('"float roughness" 0.25', 0.5),  # pbrt's RoughnessToAlpha is the square root
+        ('"float roughness" 0.25 "bool remaproughness" false', 0.25),
+        ('"float roughness" 0.25 "bool remaproughness" "false"', 0.25),
+        ('"float uroughness" 0.09 "float vroughness" 0.09', 0.3),
+        ('"float roughness" 0.09 "float vroughness" 0.09', 0.3),
+        ('"float roughness" 0.001 "bool remaproughness" false', 0.001),
+        ('"float roughness" 1e-6', 0.001),
+    ],
+)
+def test_roughness_of_a_conductor(parameters: str, alpha: float) -> None:
+    assert conductor(parameters).alpha == pytest.approx(alpha, rel=1e-15)
+
+
+def test_copper_is_the_default() -> None:
+    found, named = (
+        conductor('"float roughness" 1'),
+        conductor('"float roughness" 1 "spectrum eta" "metal-Cu-eta" "spectrum k" "metal-Cu-k"'),
+    )
+    eta, k = colours.metal("metal-Cu")
+    for material in (found, named):
+        np.testing.assert_array_equal(material.eta, eta)
+        np.testing.assert_array_equal(material.k, k)
+
+
+def test_metals_by_name_by_samples_and_by_three_numbers() -> None:
+    gold = conductor('"float roughness" 1 "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k"')
+    np.testing.assert_array_equal(gold.k, colours.metal("metal-Au")[1])
+    plain = conductor('"float roughness" 1 "rgb eta" [ .2 .9 1.1 ] "rgb k" [ 3.9 2.4 2.2 ]')
+    assert (plain.eta.tolist(), plain.k.tolist()) == ([0.2, 0.9, 1.1], [3.9, 2.4, 2.2])
+    flat = conductor('"float roughness" 1 "spectrum eta" [ 300 1.5 900 1.5 ] "spectrum k" [ 300 2 900 2 ]')
+    np.testing.assert_allclose(flat.eta, 1.5, rtol=1e-9)
+    np.testing.assert_allclose(flat.k, 2, rtol=1e-9)
+    mixed = conductor('"float roughness" 1 "rgb eta" [ 1 1 1 ]')
+    np.testing.assert_array_equal(mixed.k, colours.named("metal-Cu-k", role="unbounded"))
+
+
+def test_a_conductor_by_its_reflectance() -> None:
+    """At normal incidence the Fresnel reflectance of eta + i k is what was asked for."""
+    found = conductor('"float roughness" 1 "rgb reflectance" [ .2 .5 .9 ]')
+    r = ((found.eta - 1) ** 2 + found.k**2) / ((found.eta + 1) ** 2 + found.k**2)
+    np.testing.assert_allclose(r, [0.2, 0.5, 0.9], rtol=1e-12)
+
+
+def test_named_conductors() -> None:
+    make = 'MakeNamedMaterial "m" "string type" "conductor" "float roughness" 0.04 NamedMaterial "m"'
+    material = material_of(make)
+    assert isinstance(material, Conductor)
+    assert material.alpha == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("body", "column", "words"),
+    [
+        ('Material "conductor"', 1, ("no roughness (pbrt's default is 0)", "perfect mirror", "1e-06")),
+        ('Material "conductor" "float roughness" 0', 22, ("roughness 0", "perfect mirror", "1e-06")),
+        ('Material "conductor" "float roughness" 9e-4 "bool remaproughness" false', 22, ("perfect mirror", "0.001")),
+        ('Material "conductor" "float roughness" -1', 22, ("roughness must not be negative",)),
+        ('Material "conductor" "float uroughness" .1 "float vroughness" .2', 22, ("only isotropic",)),
+        ('Material "conductor" "float uroughness" .1', 22, ("only isotropic",)),
+        ('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 2 ]', 42, ("at most 1",)),
+        ('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 1 ] "rgb k" [ 1 1 1 ]', 42, ("not both",)),
+        ('Material "conductor" "float roughness" 1 "rgb eta" [ 0 1 1 ]', 42, ("eta must be positive",)),
+        ('Material "conductor" "float roughness" 1 "spectrum eta" "metal-Xx-eta"', 42, ("metal-Xx-eta",)),
+        ('Material "conductor" "texture roughness" "t"', 22, ('"texture roughness"', '"float roughness"')),
+        ('Material "diffuse" "texture displacement" "t"', 20, ('"texture displacement"', "not supported")),
+        ('Material "diffuse" "string normalmap" "t.png"', 20, ('"string normalmap"',)),
+        ('Material "diffuse" "spectrum reflectance" "stdillum-D65"', 20, ("spectrum of a light",)),
+        ('Material "interface"', 1, ('"interface"', '"conductor"')),
+        ('Material ""', 1, ('Material "" is not supported',)),
+        ('MakeNamedMaterial "m" "string type" "coateddiffuse"', 1, ('"coateddiffuse"',)),
+        ('MakeNamedMaterial "m" "string type" "diffuse" MakeNamedMaterial "m" "string type" "diffuse"', 47, ("made twice",)),
+    ],
+)  # fmt: skip
+def test_materials_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+    world_fails(body, 1, column, *words)

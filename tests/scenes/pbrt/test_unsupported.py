@@ -1,0 +1,228 @@
+"""One message that lists every place of a scene that asks for what is not simulated."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.errors import PLACES, Location, Report, SceneError
+from scenes.images.exr import write_exr
+from scenes.pbrt.parser import parse, parse_file
+from tests.kit.scene_texts import HEAD, TRIANGLE
+
+SCENE = """\
+Camera "perspective" "float lensradius" 0.1 "float frameaspectratio" 2
+Film "rgb" "float iso" 200 "string sensor" "canon_eos_5d_mkiv"
+PixelFilter "mitchell"
+Integrator "volpath" "integer maxdepth" 5
+Accelerator "kdtree" "integer maxprims" 4
+WorldBegin
+LightSource "projection" "string filename" "gone.png"
+MakeNamedMaterial "glass" "string type" "dielectric" "float eta" 1.5
+NamedMaterial "glass"
+Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float alpha" 0.5 "float wobble" 3
+Shape "loopsubdiv" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
+Texture "rust" "spectrum" "fbm"
+Material "diffuse" "texture reflectance" "rust"
+Shape "cylinder"
+MediumInterface "fog" ""
+Shape "sphere" "float zmax" 0.5 "float phimax" 90
+"""
+PLY = """\
+ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+PLACES_OF_SCENE = [
+    *[
+        (1, 22),
+        (1, 45),
+        (2, 12),
+        (2, 28),
+        (3, 1),
+        (4, 22),
+        (7, 1),
+        (8, 1),
+        (10, 55),
+        (10, 73),
+        (11, 1),
+        (12, 1),
+        (14, 1),
+    ],
+    *[(15, 1), (16, 16), (16, 33)],
+]
+
+
+def refused(text: str) -> SceneError:
+    with pytest.raises(SceneError) as caught:
+        parse(text)
+    return caught.value
+
+
+def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() -> None:
+    error = refused(SCENE)
+    lines = str(error).splitlines()
+    assert [tuple(map(int, line.split(":")[1:3])) for line in lines] == PLACES_OF_SCENE
+    assert error.location == Location("<text>", 1, 22)
+    assert error.message == "Camera: lensradius must be 0: the camera is a pinhole"
+    for word in (
+        "frameaspectratio",
+        "sensor",
+        "mitchell",
+        "maxdepth is 5",
+        "projection",
+        "dielectric",
+        ": alpha is",
+        "wobble",
+        "loopsubdiv",
+    ):
+        assert sum(word in line for line in lines) == 1, word
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("Shape\n", "<text>:17:1: the file ends after Shape, which needs a quoted string"),
+        ('Shape "sphere" "float radius" -1\n', "<text>:17:16: the radius must be positive, not -1"),
+        ('Texture "a" "float" "constant"\n' * 2, '<text>:18:1: float texture "a" is made twice'),
+    ],
+)
+def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, problem: str) -> None:
+    lines = str(refused(SCENE + line)).splitlines()
+    assert lines == [problem, *str(refused(SCENE)).splitlines()]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'Material "conductor" "texture roughness" "r"',
+        'Material "conductor" "texture eta" "r" "float roughness" .1',
+        'Material "conductor" "texture reflectance" "r" "float roughness" .1',
+        'Material "diffuse" "blackbody reflectance" 3000',
+        "ConcatTransform [ 1 0 0 .5 0 1 0 0 0 0 1 0 0 0 0 1 ]",
+        'ObjectInstance "ball"',
+        'AreaLightSource "diffuse" "string filename" "sky.exr" ' + TRIANGLE,
+    ],
+)
+def test_what_pbrt_would_take_is_listed_with_the_rest(line: str, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", {name: np.ones((2, 2)) for name in "RGB"})
+    text = (
+        HEAD + 'ObjectBegin "ball" Shape "sphere" ObjectEnd Scale 1 2 1\n' + f'Shape "cylinder"\n{line}\nShape "curve"'
+    )
+    (tmp_path / "main.pbrt").write_text(text)
+    with pytest.raises(SceneError) as caught:
+        parse_file(tmp_path / "main.pbrt")
+    lines = [line.removeprefix(f"{tmp_path}/main.pbrt:").split(":")[0] for line in str(caught.value).splitlines()]
+    assert lines == ["8", "9", "10"]
+
+
+def test_a_camera_that_stretches_is_listed_with_the_rest() -> None:
+    lines = str(refused("Scale 1 2 1\n" + HEAD + 'Shape "cylinder"')).splitlines()
+    assert [line.split(":")[1] for line in lines] == ["3", "8"]
+
+
+def test_long_nonsense_is_cut_before_it_is_looked_at() -> None:
+    start = time.process_time()
+    error = refused(HEAD + f'Shape "{"A" * 20_000_000}"')
+    assert len(str(error)) < 1000
+    assert time.process_time() - start < 3  # a second or less; 7 when each letter was looked at
+
+
+def test_a_bad_value_hides_nothing_behind_it() -> None:
+    error = refused(HEAD + 'Shape "sphere" "float radius" -1\nShape "sphere" "float radius" -2\nShape "cone"')
+    assert error.location == Location("<text>", 7, 16)
+    assert [line.split(": ")[0] for line in str(error).splitlines()] == ["<text>:7:16", "<text>:9:1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "column"),
+    [
+        ('Attribute "material" "string normalmap" "n.png" Material "diffuse"', 22),
+        ('Attribute "material" "texture displacement" "t" MakeNamedMaterial "m" "string type" "diffuse"', 22),
+        ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
+        ('Attribute "shape" "float alpha" .5 ' + TRIANGLE, 19),
+        ('Attribute "material" "texture roughness" "r" Material "conductor"', 22),
+        ('Attribute "shape" "float phimax" 90 Shape "sphere"', 19),
+        ('Attribute "light" "point3 portal" [ 0 0 0 1 0 0 1 1 0 0 1 0 ] LightSource "infinite"', 19),
+        ('Attribute "texture" "string mapping" "planar" Texture "t" "float" "checkerboard"', 21),
+    ],
+)
+def test_what_an_attribute_asks_for_is_named_where_it_says_so(text: str, column: int, tmp_path: Path) -> None:
+    (tmp_path / "m.ply").write_text(PLY)
+    (tmp_path / "main.pbrt").write_text(HEAD + text)
+    with pytest.raises(SceneError) as caught:
+        parse_file(tmp_path / "main.pbrt")
+    assert caught.value.location == Location(str(tmp_path / "main.pbrt"), 7, column)
+    assert "support" in str(caught.value)
+
+
+def test_what_an_attribute_says_to_others_is_let_pass() -> None:
+    plain = parse(HEAD + TRIANGLE)
+    said = parse(HEAD + 'Attribute "shape" "float radius" 2 Attribute "material" "float roughness" .5 ' + TRIANGLE)
+    assert said.content_hash() == plain.content_hash()
+
+
+def test_a_template_parameter_of_what_is_not_supported_does_not_hide_it() -> None:
+    error = refused(f'#$ n 3 "count"\n{HEAD}Shape "loopsubdiv" "integer levels" $n')
+    assert "loopsubdiv" in str(error)
+
+
+def test_places_in_included_files_are_listed_with_their_files(tmp_path: Path) -> None:
+    (tmp_path / "a.pbrt").write_text('Shape "cone"')
+    (tmp_path / "main.pbrt").write_text(HEAD + 'Include "a.pbrt" Import "a.pbrt"\nShape "curve"')
+    with pytest.raises(SceneError) as caught:
+        parse_file(tmp_path / "main.pbrt")
+    first, second = str(caught.value).splitlines()  # the file that is read twice is named once
+    assert first.startswith(f"{tmp_path / 'a.pbrt'}:1:1: shape 'cone'")
+    assert second.startswith(f"{tmp_path / 'main.pbrt'}:8:1: shape 'curve'")
+
+
+def test_the_list_is_bounded() -> None:
+    lines = str(refused(HEAD + 'Shape "cone"\n' * (PLACES + 7))).splitlines()
+    assert len(lines) == PLACES + 1
+    assert lines[-1] == "and 7 more places that ask for what is not supported"
+
+
+def test_the_lines_survive_the_way_from_a_worker() -> None:
+    error = refused(SCENE)
+    copy = pickle.loads(pickle.dumps(error))
+    assert (str(copy), copy.location, copy.message) == (str(error), error.location, error.message)
+
+
+def test_an_empty_report_says_nothing() -> None:
+    Report().check()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'Accelerator "bvh" "string splitmethod" "sah"',
+        'Accelerator "anything" "rgb nonsense" [ 1 2 3 ]',
+        'Option "disablewavelengthjitter" true',
+        'Option "string rendercoordsys" "world"',
+        'Option "disable-texture-filtering" true',
+        'Option "seed" 7',
+        'Option "forcediffuse" false',
+        'ColorSpace "sRGB"',
+        "TransformTimes 0 1",
+        "ActiveTransform All",
+        'MediumInterface "" ""',
+        'MediumInterface ""',
+    ],
+)
+def test_what_changes_no_image_is_accepted(line: str) -> None:
+    assert parse(line + "\n" + HEAD + TRIANGLE).content_hash() == parse(HEAD + TRIANGLE).content_hash()
