@@ -1,4 +1,5 @@
-"""All ways of making references: those of `pipeline.references`, which never see our renderer, and the renderer itself.
+"""All ways of making references: those of `pipeline.references`, which never see our renderer, and the
+renderer itself.
 
 Who looks backends up by name does it here; `BACKENDS` alone lacks `self` until this module is imported.
 """

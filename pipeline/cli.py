@@ -52,7 +52,10 @@ Exit codes: 0 done, 1 a check failed, 2 wrong use or input, 130 stopped by Ctrl-
 
 app = typer.Typer(
     name="penumbra",
-    help="Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with intervals.",
+    help=(
+        "Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with "
+        "intervals."
+    ),
     epilog=EXAMPLES,
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -85,7 +88,9 @@ def everywhere(
         bool, typer.Option("--allow-outside", help="Let scene files name files outside their own folder.")
     ] = False,
 ) -> None:
-    """Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with intervals."""
+    """Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with
+    intervals.
+    """
     if allow_outside:
         from scenes.catalog import ALLOW_OUTSIDE
 

@@ -1,4 +1,6 @@
-"""Trying out the parts of the system that Penumbra stands on; each check answers with what it found and a remedy."""
+"""Trying out the parts of the system that Penumbra stands on; each check answers with what it found and a
+remedy.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +91,9 @@ def embree() -> list[Part]:
         distance, index = triangles.closest(np.zeros((3, 1)), directions)
         works = bool(np.allclose(distance[0], 2.0) and index.tolist() == [0, -1])
         detail = (
-            "a ray hits a triangle at its distance, another misses" if works else f"wrong hits: {distance}, {index}"
+            "a ray hits a triangle at its distance, another misses"
+            if works
+            else f"wrong hits: {distance}, {index}"
         )
     except Exception as error:  # whatever it is, the answer is the same: it does not work here
         works, detail = False, f"{type(error).__name__}: {error}"
@@ -116,7 +120,10 @@ def mitsuba() -> list[Part]:
     from pipeline.references.backends.mitsuba import probe_variants
 
     remedies = {
-        "llvm_ad_rgb": "pip install karellen-llvm-core, or point DRJIT_LIBLLVM_PATH at an LLVM that works (19, 23; not 15)"
+        "llvm_ad_rgb": (
+            "pip install karellen-llvm-core, or point DRJIT_LIBLLVM_PATH at an LLVM that works "
+            "(19, 23; not 15)"
+        )
     }
     general = "pip install --force-reinstall mitsuba"
     return [
@@ -139,7 +146,9 @@ def opengl() -> list[Part]:
     done = _try([sys.executable, "-c", EGL])
     if isinstance(done, str):
         return [Part("EGL", False, done, remedy)]
-    said = (done.stdout if done.returncode == 0 else done.stderr or f"ended with code {done.returncode}").strip()
+    said = (
+        done.stdout if done.returncode == 0 else done.stderr or f"ended with code {done.returncode}"
+    ).strip()
     return [Part("EGL", done.returncode == 0, said.splitlines()[-1], remedy)]
 
 
@@ -155,7 +164,10 @@ def rasteriser() -> list[Part]:
         device = f"{drawn.provenance['device']}, {drawn.provenance['platform']}"
         detail = f"a triangle is drawn at its depth ({device})" if works else f"wrong depths ({device})"
     except Exception as error:  # as above
-        works, detail = False, str(error) if isinstance(error, PenumbraError) else f"{type(error).__name__}: {error}"
+        works, detail = (
+            False,
+            str(error) if isinstance(error, PenumbraError) else f"{type(error).__name__}: {error}",
+        )
     return [Part("pyrender", works, detail, REMEDY)]
 
 
@@ -188,7 +200,11 @@ def browser() -> list[Part]:
     if isinstance(done, str):
         return [Part("browser", False, f"{path}: {done}", remedy)]
     works = done.returncode == 0 and PAGE in done.stdout
-    detail = f"{path} shows a page" if works else f"{path} ended with code {done.returncode} and did not show a page"
+    detail = (
+        f"{path} shows a page"
+        if works
+        else f"{path} ended with code {done.returncode} and did not show a page"
+    )
     return [Part("browser", works, detail, remedy)]
 
 

@@ -1,7 +1,9 @@
-"""Our own best estimator at many samples as a reference: for scenes that nothing independent takes, and labelled as what it is.
+"""Our own best estimator at many samples as a reference: for scenes that nothing independent takes, and
+labelled as what it is.
 
-It shares the renderer with what it judges, so that a fault of camera, geometry or materials is in both images and not in their
-difference. It stands outside `pipeline.references`, which never sees the renderer, and is never the reference of its own estimator.
+It shares the renderer with what it judges, so that a fault of camera, geometry or materials is in both images
+and not in their difference. It stands outside `pipeline.references`, which never sees the renderer, and is
+never the reference of its own estimator.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from pipeline.references.protocol import (
 from pipeline.store.sources import digest
 from renderer import build, fingerprint, render
 from renderer.interfaces.estimator import ESTIMATORS
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 NAME = "self"
 ESTIMATOR_OF: dict[Quantity, str] = {"radiance": "mis", "ambient-occlusion": "ambient-occlusion"}
@@ -36,7 +38,9 @@ SERIES = 0x5E1F  # sets the seeds of batches apart from any that a cell has
 
 
 class SelfBackend:
-    """Our own best estimator (mis; light by solid angle where it can be) at many samples: no independent check of the renderer."""
+    """Our own best estimator (mis; light by solid angle where it can be) at many samples: no independent
+    check of the renderer.
+    """
 
     name = NAME
 
@@ -60,7 +64,9 @@ class SelfBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """Render at least what `request` asks for, in batches of independent samples; PenumbraError if refused."""
+        """Render at least what `request` asks for, in batches of independent samples; PenumbraError if
+        refused.
+        """
         require(self, scene, request.quantity)
         built, estimator = build(scene), ESTIMATOR_OF[request.quantity]
 
@@ -90,7 +96,10 @@ def judges_itself(backend: str, estimator: str) -> str | None:
     """Why images by `estimator` cannot be scored against references of `backend`, or None."""
     if backend != NAME or estimator not in ESTIMATOR_OF.values():
         return None
-    return f"the reference {backend!r} is made by {estimator!r} itself, and what they have in common it cannot see"
+    return (
+        f"the reference {backend!r} is made by {estimator!r} itself, and what they have in common it "
+        "cannot see"
+    )
 
 
 BACKENDS.add(NAME, SelfBackend())

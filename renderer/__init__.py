@@ -1,4 +1,6 @@
-"""The renderer: direct lighting in NumPy, every textbook estimator, nothing that the scene does not call for."""
+"""The renderer: direct lighting in NumPy, every textbook estimator, nothing that the scene does not call
+for.
+"""
 
 from renderer.build import RenderScene, build
 from renderer.fingerprint import fingerprint

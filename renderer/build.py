@@ -19,7 +19,8 @@ from renderer.interfaces.light import LIGHTS, LightKind, Source
 from renderer.interfaces.material import MATERIALS, MaterialKind
 from renderer.lights.environment import EnvironmentLights
 from renderer.math.vectors import Floats
-from scenes.description import SceneDescription, ShapeDescription
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import ShapeDescription
 from scenes.errors import SceneError
 
 
@@ -27,7 +28,8 @@ from scenes.errors import SceneError
 class Sources:
     """All that sends out light: the shapes that emit, in their order, then the lights that are no shapes.
 
-    shape: (q,) which shape each is, -1 for none. of_shape: (s,) its inverse, -1 for shapes that do not emit. names: (q,).
+    shape: (q,) which shape each is, -1 for none. of_shape: (s,) its inverse, -1 for shapes that do not emit.
+    names: (q,).
     """
 
     all: tuple[Source, ...]
@@ -40,10 +42,10 @@ class Sources:
 class Lights:
     """K lights in all, numbered kind by kind: a source is one light, or one for each face of a mesh.
 
-    source: (K,) what each is part of. pmf, cdf: (K,) the chance of choosing it, every source being equally likely, and
-    the running sum of that. delta: (K,) whether it is never met by chance. quadric: (K,) and triangle: (K,) the
-    primitive that it is, -1 for none; of_quadric, of_triangle: their inverses. environment: what surrounds the scene,
-    and the number of its light.
+    source: (K,) what each is part of. pmf, cdf: (K,) the chance of choosing it, every source being equally
+    likely, and the running sum of that. delta: (K,) whether it is never met by chance. quadric: (K,) and
+    triangle: (K,) the primitive that it is, -1 for none; of_quadric, of_triangle: their inverses.
+    environment: what surrounds the scene, and the number of its light.
     """
 
     kinds: tuple[LightKind, ...]
@@ -66,10 +68,11 @@ class RenderScene:
     """A scene as arrays, of s shapes.
 
     glow: the triangles that emit alone; None where none does.
-    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). pictures: images (h, w, 3) that shapes
-    multiply their radiance by. coordinates: what textures are laid by; None where nothing varies.
-    material_of: (s,) which of the materials each shape has. touch: world units; surfaces nearer than this to each other
-    count as touching. far: world units, beyond everything from any point of the scene. seconds_build: wall clock.
+    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). pictures: images (h, w, 3) that
+    shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing varies.
+    material_of: (s,) which of the materials each shape has. touch: world units; surfaces nearer than this to
+    each other count as touching. far: world units, beyond everything from any point of the scene.
+    seconds_build: wall clock.
     """
 
     description: SceneDescription
@@ -100,7 +103,10 @@ class RenderScene:
 
 
 def build(scene: SceneDescription) -> RenderScene:
-    """Arrays, BVH and lights of a scene. Raises SceneError where a shape or a light is beyond this renderer."""
+    """Arrays, BVH and lights of a scene.
+
+    Raises SceneError where a shape or a light is beyond this renderer.
+    """
     start = time.perf_counter()
     shapes = tuple(without_skew(s) for s in scene.shapes)
     scene = replace(scene, shapes=shapes)
@@ -126,7 +132,9 @@ def build(scene: SceneDescription) -> RenderScene:
             (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
         ),
         coordinates=coordinates(shapes),
-        material_of=np.array([[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64),
+        material_of=np.array(
+            [[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64
+        ),
         touch=4 * TOLERANCE * size,
         far=far,
         seconds_build=time.perf_counter() - start,
@@ -134,7 +142,8 @@ def build(scene: SceneDescription) -> RenderScene:
 
 
 def _size(bounds: Sequence[ShapeBounds], scene: SceneDescription) -> tuple[float, float]:
-    """The largest coordinate of the scene and its camera, which the rounding of points scales with; and a length from any
+    """The largest coordinate of the scene and its camera, which the rounding of points scales with; and a
+    length from any
     point of the scene to beyond all of it."""
     axes = np.eye(3)
     eye = scene.camera.camera_to_world[:3, 3]
@@ -159,7 +168,9 @@ def _kind(source: Source) -> str:
         if kind.accepts(source):
             return name
     what = type(source.geometry).__name__ if isinstance(source, ShapeDescription) else type(source).__name__
-    raise SceneError(f"an emitting {what} is not supported; lights are: {', '.join(LIGHTS.names())}", source.where)
+    raise SceneError(
+        f"an emitting {what} is not supported; lights are: {', '.join(LIGHTS.names())}", source.where
+    )
 
 
 def _lights(sources: Sources, triangles: Triangles | None, quadrics: Quadrics) -> Lights:
@@ -202,11 +213,16 @@ def _environment(kinds: Sequence[LightKind]) -> tuple[EnvironmentLights, int] | 
 def _primitives(
     sources: Sources, source: NDArray[np.int64], triangles: Triangles | None, quadrics: Quadrics
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(K,) each: the quadric and the triangle that each light is. The j-th light of a shape is its j-th primitive."""
+    """(K,) each: the quadric and the triangle that each light is.
+
+    The j-th light of a shape is its j-th primitive.
+    """
     shape = sources.shape[source]
     _, first, own = np.unique(source, return_index=True, return_inverse=True)
     order = np.arange(source.size) - first[own]
-    exact = np.array([isinstance(s, ShapeDescription) and by_formula(s) for s in sources.all], dtype=np.bool_)[source]
+    exact = np.array(
+        [isinstance(s, ShapeDescription) and by_formula(s) for s in sources.all], dtype=np.bool_
+    )[source]
     none = np.full(source.size, -1, dtype=np.int64)
     quadric = np.where(exact, np.searchsorted(quadrics.shape, shape) + order, none)
     if triangles is None:

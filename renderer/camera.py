@@ -1,4 +1,6 @@
-"""The perspective camera, pbrt's: left-handed space, `fov` over the shorter side, pixel (0, 0) at the top left."""
+"""The perspective camera, pbrt's: left-handed space, `fov` over the shorter side, pixel (0, 0) at the top
+left.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,14 @@ from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, dot, normalize
 from renderer.pixel_filter import offsets
-from scenes.description import Film, PerspectiveCamera
+from scenes.description.scene import Film, PerspectiveCamera
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """origin: (3, 1). offsets: from u (2, n) to places (2, n) about a pixel, see `pixel_filter`. corner, du, dv: (3, 1), so that a film point (x, y) in pixels is looked at along corner + x du + y dv."""
+    """origin: (3, 1). offsets: from u (2, n) to places (2, n) about a pixel, see `pixel_filter`. corner, du,
+    dv: (3, 1), so that a film point (x, y) in pixels is looked at along corner + x du + y dv.
+    """
 
     origin: Floats
     corner: Floats
@@ -39,7 +43,9 @@ class Camera:
         return normalize(d)
 
     def sees(self, points: Floats) -> bool:
-        """Whether a convex hull of points (3, m) may be in view: False only if it lies wholly outside one side of the frustum."""
+        """Whether a convex hull of points (3, m) may be in view: False only if it lies wholly outside one
+        side of the frustum.
+        """
         v = points - self.origin
         low, high = self.offsets(np.zeros((2, 1))), self.offsets(np.ones((2, 1)))
         left, top = float(low[0, 0]), float(low[1, 0])
@@ -57,7 +63,9 @@ class Camera:
 
 
 def make_camera(description: PerspectiveCamera, film: Film) -> Camera:
-    """The camera of a description; the film plane is at distance 1 and its shorter side spans 2 tan(fov / 2)."""
+    """The camera of a description; the film plane is at distance 1 and its shorter side spans 2 tan(fov /
+    2).
+    """
     half = np.tan(np.radians(description.fov) / 2)
     pixel = 2 * half / min(film.width, film.height)
     m = description.camera_to_world
@@ -65,5 +73,11 @@ def make_camera(description: PerspectiveCamera, film: Film) -> Camera:
     right, up, forward = (linear[:, i : i + 1] for i in range(3))
     corner = forward - right * (pixel * film.width / 2) + up * (pixel * film.height / 2)
     return Camera(
-        m[:3, 3:4].copy(), corner, right * pixel, -up * pixel, film.width, film.height, offsets(film.pixel_filter)
+        m[:3, 3:4].copy(),
+        corner,
+        right * pixel,
+        -up * pixel,
+        film.width,
+        film.height,
+        offsets(film.pixel_filter),
     )

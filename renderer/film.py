@@ -39,7 +39,8 @@ class Film:
     def variance_of_mean(self) -> Floats:
         """(h, w, 3) variance of the mean, if samples are independent; NaN below two samples.
 
-        Low-discrepancy samples are not independent: for them this is far too large, and replicates must be used.
+        Low-discrepancy samples are not independent: for them this is far too large, and replicates must be
+        used.
         """
         n = self.count[..., None].astype(np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -78,9 +79,11 @@ class PixelSums:
 
 
 class RatioSums:
-    """As `PixelSums`, for estimators whose pixel is D + A S/U: light seen directly, and three means of samples.
+    """As `PixelSums`, for estimators whose pixel is D + A S/U: light seen directly, and three means of
+    samples.
 
-    The variance is that of the linearised ratio (the delta method) [owen2013, sec. 2.7], from the covariance of the four; so is m2.
+    The variance is that of the linearised ratio (the delta method) [owen2013, sec. 2.7], from the covariance
+    of the four; so is m2.
     """
 
     def __init__(self, pixels: int) -> None:
@@ -136,7 +139,9 @@ def _quotient(a: Floats, b: Floats) -> Floats:
 
 
 def _sum_samples(block: Floats) -> Floats:
-    """Sum over samples in their order, one ufunc a sample: never `sum`, whose order depends on strides and shape."""
+    """Sum over samples in their order, one ufunc a sample: never `sum`, whose order depends on strides and
+    shape.
+    """
     out = block[:, 0].copy()
     for sample in range(1, block.shape[1]):
         out += block[:, sample]

@@ -8,12 +8,19 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-LIBRARIES = ("numpy", "scipy", "embreex", "trimesh")  # what the images' bits depend on besides our own sources
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "embreex",
+    "trimesh",
+)  # what the images' bits depend on besides our own sources
 
 
 @cache
 def fingerprint() -> str:
-    """SHA-256 over the Python sources of `renderer` and `scenes`, and the versions of the libraries they compute with."""
+    """SHA-256 over the Python sources of `renderer` and `scenes`, and the versions of the libraries they
+    compute with.
+    """
     return fingerprint_of(Path(__file__).parent.parent, {name: version(name) for name in LIBRARIES})
 
 

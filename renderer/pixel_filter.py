@@ -1,6 +1,7 @@
 """Pixel filters, sampled: where in and about a pixel its camera rays go, so that all samples weigh the same.
 
-pbrt's filters are products of one function of x and one of y [pharr2023, sec. 8.8], so that each axis is inverted alone.
+pbrt's filters are products of one function of x and one of y [pharr2023, sec. 8.8], so that each axis is
+inverted alone.
 """
 
 from __future__ import annotations
@@ -11,14 +12,16 @@ import numpy as np
 from scipy.special import erf  # pyright: ignore[reportMissingTypeStubs]
 
 from renderer.math.vectors import Floats
-from scenes.description import PixelFilter
+from scenes.description.scene import PixelFilter
 
 # Of the gaussian's inverse: linear between nodes, the distribution is off by less than 1e-7 of its whole.
 NODES = 4096
 
 
 def offsets(pixel_filter: PixelFilter) -> Callable[[Floats], Floats]:
-    """The map from u (2, n) in [0, 1) to offsets (2, n) in pixels from a pixel's corner, in proportion to the filter."""
+    """The map from u (2, n) in [0, 1) to offsets (2, n) in pixels from a pixel's corner, in proportion to the
+    filter.
+    """
     f = pixel_filter
     if f.kind == "box" and f.xradius == f.yradius == 0.5:
         return _identity
@@ -44,7 +47,9 @@ def _tent(radius: float, _: float) -> Callable[[Floats], Floats]:
 
 
 def _gaussian(radius: float, sigma: float) -> Callable[[Floats], Floats]:
-    """Of exp(-x^2 / 2 sigma^2) less its value at the radius, by the integral of that in closed form, tabulated and inverted."""
+    """Of exp(-x^2 / 2 sigma^2) less its value at the radius, by the integral of that in closed form,
+    tabulated and inverted.
+    """
     x = np.linspace(-radius, radius, NODES + 1)
     edge = np.exp(-0.5 * (radius / sigma) ** 2)
     below = sigma * np.sqrt(np.pi / 2) * erf(x / (sigma * np.sqrt(2.0))) - edge * x

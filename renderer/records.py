@@ -14,8 +14,8 @@ from renderer.math.vectors import Floats
 class SurfaceHit:
     """Points on surfaces, seen from outside along wo.
 
-    p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the surface.
-    shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
+    p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the
+    surface. shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
     triangle, quadric: (n,) int64, the primitive that the point lies on, -1 for none.
     uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures.
     """
@@ -43,10 +43,12 @@ class SurfaceHit:
 
 @dataclass(frozen=True, eq=False)
 class LightSample:
-    """Directions to light. wi: (3, n) unit. dist: (n,), inf for a light at infinity. normal: (3, n) or (3, 1) unit, the light's, either side; -wi where it has none.
+    """Directions to light. wi: (3, n) unit. dist: (n,), inf for a light at infinity. normal: (3, n) or (3, 1)
+    unit, the light's, either side; -wi where it has none.
 
-    radiance: (3, n) or (3, 1), Le towards the reference point; of a light of one direction only, the irradiance on a surface facing it.
-    pdf: (n,) 1/sr; 1 for a light of one direction only. valid: (n,) bool; where it is False the other fields are meaningless and the sample counts as zero.
+    radiance: (3, n) or (3, 1), Le towards the reference point; of a light of one direction only, the
+    irradiance on a surface facing it. pdf: (n,) 1/sr; 1 for a light of one direction only. valid: (n,) bool;
+    where it is False the other fields are meaningless and the sample counts as zero.
     """
 
     wi: Floats

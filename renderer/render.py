@@ -1,4 +1,6 @@
-"""Plan and passes: camera -> hit -> emission -> light sample -> shadow -> shade -> film, in chunks of whole pixels."""
+"""Plan and passes: camera -> hit -> emission -> light sample -> shadow -> shade -> film, in chunks of whole
+pixels.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ from renderer.plan.limits import check
 from renderer.plan.plan import RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
 from renderer.shading.emission import with_pictures
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 ROWS = 2**14  # rows of a wavefront: their arrays stay in cache
@@ -30,9 +32,10 @@ ROWS = 2**14  # rows of a wavefront: their arrays stay in cache
 class RenderResult:
     """An image and what its samples say of it.
 
-    image: (h, w, 3) linear radiance. variance: (h, w, 3) of the mean, as independent samples would have it; NaN at 1 spp.
-    tail: the largest luminances among reflected samples, descending, at most 4096. reflected: how many samples of
-    reflected light were drawn; reflected_sum: the sum of their luminances. nonfinite: samples that are NaN or infinite.
+    image: (h, w, 3) linear radiance. variance: (h, w, 3) of the mean, as independent samples would have it;
+    NaN at 1 spp. tail: the largest luminances among reflected samples, descending, at most 4096. reflected:
+    how many samples of reflected light were drawn; reflected_sum: the sum of their luminances. nonfinite:
+    samples that are NaN or infinite.
     """
 
     image: Floats
@@ -90,9 +93,10 @@ def render(
 ) -> RenderResult:
     """Render the direct light of a scene.
 
-    estimator, sampler: names from their registries; an estimator of one's own also as itself. spp: samples a pixel. keep: prunings not to make, see `plan.py`.
-    threads, rows: how the work is cut, without effect on a single bit of the image. progress: called with the share done.
-    Raises PenumbraError for unknown names, spp < 1, a seed below 0, and where the estimator does not apply to the scene.
+    estimator, sampler: names from their registries; an estimator of one's own also as itself. spp: samples a
+    pixel. keep: prunings not to make, see `plan.py`. threads, rows: how the work is cut, without effect on a
+    single bit of the image. progress: called with the share done. Raises PenumbraError for unknown names, spp
+    < 1, a seed below 0, and where the estimator does not apply to the scene.
     """
     built = scene if isinstance(scene, RenderScene) else build(scene)
     chosen = ESTIMATORS[estimator] if isinstance(estimator, str) else estimator
@@ -174,7 +178,8 @@ def _chunk(work: _Pass, pixels: NDArray[np.int64]) -> _Chunk:
 def _samples(
     work: _Pass, pixel: NDArray[np.int64], sample: NDArray[np.int64]
 ) -> tuple[Floats, Floats, tuple[Floats, ...], int, RayCounts]:
-    """One sample a row: emission seen (3, n), reflected light (3, n), what a ratio takes beside it, each (3, n), the number
+    """One sample a row: emission seen (3, n), reflected light (3, n), what a ratio takes beside it, each (3,
+    n), the number
     of points shaded, the rays traced."""
     scene, plan = work.scene, work.plan
     d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, 2))
@@ -192,13 +197,19 @@ def _samples(
     return direct, bounced, ratio, rows.size, RayCounts(d.shape[1], light.shadow_rays)
 
 
-def _first_hits(scene: RenderScene, plan: RenderPlan, d: Floats) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
-    """What camera rays d (3, n) meet: the points to shade, the emission seen (3, n), and the rows (m,) of those points."""
+def _first_hits(
+    scene: RenderScene, plan: RenderPlan, d: Floats
+) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
+    """What camera rays d (3, n) meet: the points to shade, the emission seen (3, n), and the rows (m,) of
+    those points.
+    """
     o = scene.camera.origin
     none = np.full(d.shape[1], -1, dtype=np.int64)
     t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), none)
     near, quadric = scene.quadrics.closest(plan.in_view, o, d)
-    curved = near < t + scene.touch  # a lamp or a mat in the plane of a triangle lies on it, whatever rounding says
+    curved = (
+        near < t + scene.touch
+    )  # a lamp or a mat in the plane of a triangle lies on it, whatever rounding says
     t = np.where(curved, near, t)
     triangle, quadric = np.where(curved, -1, triangle), np.where(curved, quadric, -1)
     shape = none if scene.triangles is None else np.where(triangle >= 0, scene.triangles.shape[triangle], -1)
@@ -218,7 +229,9 @@ def _emission(
     quadric: NDArray[np.int64],
     triangle: NDArray[np.int64],
 ) -> Floats:
-    """(3, n) radiance of lights that rays d (3, n) see from their emitting side, and of what surrounds the scene."""
+    """(3, n) radiance of lights that rays d (3, n) see from their emitting side, and of what surrounds the
+    scene.
+    """
     out = np.zeros_like(d)
     rows = (
         np.flatnonzero((shape >= 0) & (scene.sources.of_shape[shape] >= 0))
@@ -248,7 +261,8 @@ def _surface(
     """Points and normals of hits; normals on the side that the ray comes from."""
     p, n = _normals(scene, scene.camera.origin + d * t, triangle, quadric)
     n = np.where(dot(n, d) > 0, -n, n)
-    # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill its whole sky.
+    # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill
+    # its whole sky.
     glowing = np.flatnonzero(scene.sources.of_shape[shape] >= 0)
     if glowing.size:
         p[:, glowing] += n.take(glowing, axis=1) * scene.touch

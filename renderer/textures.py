@@ -1,6 +1,8 @@
-"""Textures by their coordinates: constants, images, checkerboards, and what is made of them, as pbrt-v4 defines them.
+"""Textures by their coordinates: constants, images, checkerboards, and what is made of them, as pbrt-v4
+defines them.
 
-There is no prefiltering: what varies within a pixel is averaged by the pixel's samples [pharr2023, sec. 10.4].
+There is no prefiltering: what varies within a pixel is averaged by the pixel's samples [pharr2023, sec.
+10.4].
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
-from scenes.description import Checkerboard, Mix, Product, Texture, UVMapping
+from scenes.description.textures import Checkerboard, Mix, Product, Texture, UVMapping
 
 Integers = NDArray[np.int64]
 
@@ -61,9 +63,13 @@ def _mapped(mapping: UVMapping, uv: Floats) -> tuple[Floats, Floats]:
 
 
 def nearest(image: Floats, st: Floats, wrap: str) -> Floats:
-    """The texel (3, n) that each point lies in. image: (h, w, 3). st: (2, n), (0, 0) at the first texel's outer corner."""
+    """The texel (3, n) that each point lies in. image: (h, w, 3). st: (2, n), (0, 0) at the first texel's
+    outer corner.
+    """
     height, width, _ = image.shape
-    return _texels(image, np.floor(st[1] * height).astype(np.int64), np.floor(st[0] * width).astype(np.int64), wrap)
+    return _texels(
+        image, np.floor(st[1] * height).astype(np.int64), np.floor(st[0] * width).astype(np.int64), wrap
+    )
 
 
 def bilinear(image: Floats, st: Floats, wrap: str) -> Floats:
@@ -73,7 +79,9 @@ def bilinear(image: Floats, st: Floats, wrap: str) -> Floats:
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     dx, dy = x - column, y - row
     upper = _texels(image, row, column, wrap) * (1.0 - dx) + _texels(image, row, column + 1, wrap) * dx
-    lower = _texels(image, row + 1, column, wrap) * (1.0 - dx) + _texels(image, row + 1, column + 1, wrap) * dx
+    lower = (
+        _texels(image, row + 1, column, wrap) * (1.0 - dx) + _texels(image, row + 1, column + 1, wrap) * dx
+    )
     return upper * (1.0 - dy) + lower * dy
 
 

@@ -38,7 +38,8 @@ class Span:
 
 
 def span(values: Sequence[float]) -> Span:
-    """The range of the values with a margin: one decade at least, so that what hardly changes looks so; 0.1 to 1 for none.
+    """The range of the values with a margin: one decade at least, so that what hardly changes looks so; 0.1
+    to 1 for none.
 
     Linear where a value is not positive.
     """
@@ -57,7 +58,11 @@ def layout(x_title: str, x: Span, y_title: str, y: Span) -> dict[str, Any]:
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "#ffffff",
         "margin": {"l": 78, "r": 16, "t": 14, "b": 62},
-        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": "#b9bfc4", "font": {"family": FONT, "size": 12.5}},
+        "hoverlabel": {
+            "bgcolor": "#ffffff",
+            "bordercolor": "#b9bfc4",
+            "font": {"family": FONT, "size": 12.5},
+        },
         "legend": {"x": 1.015, "xanchor": "left", "y": 1, "tracegroupgap": 6, "font": {"size": 12.5}},
         "xaxis": _axis(x_title, x),
         "yaxis": _axis(y_title, y),

@@ -1,8 +1,9 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The plotly figures: error against render seconds, and error against a scene parameter.
 
-What a marker says: filled, a measured value with its 95 % interval; hollow triangle pointing down, an upper bound (the reference's
-noise hides more); cross on the upper edge, an untrustworthy cell, of which there is no number to place it by.
+What a marker says: filled, a measured value with its 95 % interval; hollow triangle pointing down, an upper
+bound (the reference's noise hides more); cross on the upper edge, an untrustworthy cell, of which there is no
+number to place it by.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ def html(figure: go.Figure, anchor: str) -> str:
 
 
 def error_against_time(panel: Panel) -> go.Figure:
-    """RMSE against render seconds, log-log, with the slopes fitted for `independent` and a guide of slope -1/2."""
+    """RMSE against render seconds, log-log, with the slopes fitted for `independent` and a guide of slope
+    -1/2.
+    """
     return _figure(panel, _seconds, "render time of one image, one thread (s)", _slopes(panel))
 
 
@@ -105,7 +108,9 @@ def _figure(panel: Panel, x: Callable[[Point], float], title: str, slopes: dict[
 
 
 def _ends(measure: Measure) -> list[float]:
-    return [end for end in (measure.value, measure.low, measure.high) if end is not None and 0 < end < math.inf]
+    return [
+        end for end in (measure.value, measure.low, measure.high) if end is not None and 0 < end < math.inf
+    ]
 
 
 def _traces(
@@ -159,7 +164,12 @@ def _mark(color: str, symbol: str) -> dict[str, Any]:
 
 
 def _line(
-    series: Series, look: Style, points: Sequence[Point], x: Callable[[Point], float], slope: Slope | None, up: Span
+    series: Series,
+    look: Style,
+    points: Sequence[Point],
+    x: Callable[[Point], float],
+    slope: Slope | None,
+    up: Span,
 ) -> go.Scatter:
     name = series.label if slope is None else f"{series.label}<br>slope {slope_text(slope)}"
     return go.Scatter(
@@ -215,7 +225,9 @@ def _guides(panel: Panel, across: Span, slopes: dict[str, Slope]) -> list[go.Sca
     """The fitted lines, thin, and a grey line of slope -1/2 through the middle of the first of them."""
     looks = styles(panel)
     ends = list(across.ends)
-    lines = [_guide(ends, [slope(x) for x in ends], looks[label].color, label) for label, slope in slopes.items()]
+    lines = [
+        _guide(ends, [slope(x) for x in ends], looks[label].color, label) for label, slope in slopes.items()
+    ]
     if not slopes:
         return lines
     first = next(iter(slopes.values()))
@@ -223,7 +235,9 @@ def _guides(panel: Panel, across: Span, slopes: dict[str, Slope]) -> list[go.Sca
     return [*lines, _guide(ends, through, "#9aa1a6", "guide", name="guide: slope −1/2", dash="longdash")]
 
 
-def _guide(x: list[float], y: list[float], color: str, group: str, name: str = "", dash: str = "dot") -> go.Scatter:
+def _guide(
+    x: list[float], y: list[float], color: str, group: str, name: str = "", dash: str = "dot"
+) -> go.Scatter:
     return go.Scatter(
         x=x,
         y=y,

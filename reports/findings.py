@@ -1,4 +1,7 @@
-"""What a run showed, in sentences. Each carries the figures that it rests on, and says so where there are none."""
+"""What a run showed, in sentences.
+
+Each carries the figures that it rests on, and says so where there are none.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,28 @@ import statistics
 from collections.abc import Callable, Sequence
 
 from pipeline.statistics.slopes import halving_cost
-from reports.formats import capital, count, interval, listing, millions, plain, scene_title, sig, slope_text, spread
+from reports.formats import (
+    capital,
+    count,
+    interval,
+    listing,
+    millions,
+    plain,
+    scene_title,
+    sig,
+    slope_text,
+    spread,
+)
 from reports.series import Panel, Point, Series, StudyView, wall_over_cpu
-from reports.trends import Comparison, by_estimator, by_sampler, fitted_slope, last_slope, measured, sample_slope
+from reports.trends import (
+    Comparison,
+    by_estimator,
+    by_sampler,
+    fitted_slope,
+    last_slope,
+    measured,
+    sample_slope,
+)
 
 DISAGREE = 1.5  # factor between the ratio by MSE and that by relMSE from which on both are told
 TOLD = 3  # comparisons named one by one
@@ -32,11 +54,9 @@ def _rasterised(panel: Panel) -> list[str]:
     than = "no measured point has less error"
     if first is not None:
         series, point = first
-        than = (
-            f"the first point with less error is {series.label} at {point.spp} spp, after {sig(point.seconds.value)} s"
-        )
+        than = f"the first point with less error is {series.label} at {point.spp} spp, after {sig(point.seconds.value)} s"  # noqa: E501
     return [
-        f"Rasterised by {panel.study.baseline} without shadows, and with a point in place of each light, the picture takes "
+        f"Rasterised by {panel.study.baseline} without shadows, and with a point in place of each light, the picture takes "  # noqa: E501
         f"{sig(seconds)} s and has an RMSE of {sig(error)}, which no time makes less; {than}."
     ]
 
@@ -49,7 +69,7 @@ def _fitted_cost(series: Series) -> str:
     alone = sample_slope(series)
     beside = f"; against samples instead of seconds it is {slope_text(alone)}" if alone else ""
     return (
-        f"{capital(series.estimator)} with independent samples: halving the error costs {interval(halving_cost(slope))} times "
+        f"{capital(series.estimator)} with independent samples: halving the error costs {interval(halving_cost(slope))} times "  # noqa: E501
         f"the render time (slope {slope_text(slope)}, fitted from {first.spp} to {last.spp} spp{beside})."
     )
 
@@ -63,7 +83,7 @@ def _last_cost(series: Series) -> str:
     hidden = [p for p in series.points if p.rmse.bound]
     beyond = f"; {_spp(hidden)} {_are(len(hidden))} below the reference's noise" if hidden else ""
     return (
-        f"{capital(series.estimator)} with {series.sampler}: at the pace of the last measured step, {start.spp} to {stop.spp} spp, "
+        f"{capital(series.estimator)} with {series.sampler}: at the pace of the last measured step, {start.spp} to {stop.spp} spp, "  # noqa: E501
         f"{interval(halving_cost(slope))} times (local slope {slope_text(slope)}{beyond})."
     )
 
@@ -98,7 +118,7 @@ def _fails(series: Series, panel: Panel) -> str:
     doubted = sum(p.doubted for p in refused)
     total = sum(len(p.cells) for p in refused)
     return (
-        f"{series.label} is untrustworthy at {panel.study.over} = {where}: there the samples of {doubted} of {total} images "
+        f"{series.label} is untrustworthy at {panel.study.over} = {where}: there the samples of {doubted} of {total} images "  # noqa: E501
         f"cannot tell their own error, and no number is given."
     )
 
@@ -122,13 +142,15 @@ def promise_accuracy(views: Sequence[StudyView]) -> list[str]:
 
 
 def _disturbed(panels: Sequence[Panel]) -> list[str]:
-    """A warning where the machine had other work, so that times and all that is made of them are too long and scattered."""
+    """A warning where the machine had other work, so that times and all that is made of them are too long and
+    scattered.
+    """
     ratios = wall_over_cpu(cell.record for panel in panels for cell in panel.cells)
     usual = statistics.median(ratios) if ratios else 1.0
     if usual <= QUIET:
         return []
     return [
-        f"The machine was busy: half of the renders waited for the processor so long that they took {sig(usual)} times "
+        f"The machine was busy: half of the renders waited for the processor so long that they took {sig(usual)} times "  # noqa: E501
         f"their CPU time or more. Its times and efficiencies are that uncertain."
     ]
 
@@ -140,9 +162,11 @@ def _costs(panels: Sequence[Panel]) -> str:
         for series in panel.series:
             slope = fitted_slope(series) if series.sampler == "independent" else None
             if slope is not None:
-                told.setdefault(series.estimator, []).append(f"by {interval(halving_cost(slope))} {_on(panel)}")
+                told.setdefault(series.estimator, []).append(
+                    f"by {interval(halving_cost(slope))} {_on(panel)}"
+                )
     if not told:
-        return "No series with independent samples has two measured errors, so that no cost of halving the error can be told."
+        return "No series with independent samples has two measured errors, so that no cost of halving the error can be told."  # noqa: E501
     parts = [f"with {estimator} {listing(costs)}" for estimator, costs in told.items()]
     return (
         f"Halving the error with independent samples multiplied the render time: {', and '.join(parts)} "
@@ -173,7 +197,9 @@ def _ratios(found: Sequence[Comparison], base: str, scenes: bool) -> str:
         none = f"; {alike} of them show no difference" if alike else ""
         return f"{ratios} ({len(found)} comparisons, 95 % intervals within {sig(low)} to {sig(high)}{none})"
     told = [f"{interval(c.ratio)}|{_where(c, scenes)}{_by_relmse(c)}{_no_difference(c)}" for c in found]
-    return listing([told[0].replace("|", f" times as efficient as {base} "), *(t.replace("|", " ") for t in told[1:])])
+    return listing(
+        [told[0].replace("|", f" times as efficient as {base} "), *(t.replace("|", " ") for t in told[1:])]
+    )
 
 
 def _undecided(found: Comparison) -> bool:
@@ -203,9 +229,9 @@ def _hidden(panels: Sequence[Panel]) -> str:
     points = [p for panel in panels for s in panel.series for p in s.points]
     bounds, refused = sum(p.rmse.bound for p in points), sum(not p.trusted for p in points)
     if not bounds and not refused:
-        return f"All {len(points)} points stand above the reference's noise and rest on samples that can be trusted."
+        return f"All {len(points)} points stand above the reference's noise and rest on samples that can be trusted."  # noqa: E501
     return (
-        f"Of {len(points)} points, {bounds} below the reference's noise {_are(bounds)} given as upper bounds, "
+        f"Of {len(points)} points, {bounds} below the reference's noise {_are(bounds)} given as upper bounds, "  # noqa: E501
         f"and {refused} untrustworthy {_are(refused)} given no number."
     )
 
@@ -228,7 +254,7 @@ def _soundness(panels: Sequence[Panel]) -> str:
     broken = sum(record.statistics.nonfinite > 0 for record in records)
     doubted = sum(record.statistics.verdict != "ok" for record in records)
     return (
-        f"Of the {len(records):,} images of this run, {broken or 'none'} had a sample that is not a finite number, "
+        f"Of the {len(records):,} images of this run, {broken or 'none'} had a sample that is not a finite number, "  # noqa: E501
         f"and {doubted or 'none'} were called untrustworthy by their own samples."
     )
 
@@ -242,9 +268,9 @@ def promise_plan(panels: Sequence[Panel]) -> list[str]:
     spared = sum(not decision.needed for plan in plans.values() for decision in plan)
     primary, shadow = sum(r.rays.primary for r in records), sum(r.rays.shadow for r in records)
     return [
-        f"For {count(len(plans), 'scene', 'scenes and variants of scenes')} the plan decided on {sum(map(len, plans.values()))} effects and left out "
+        f"For {count(len(plans), 'scene', 'scenes and variants of scenes')} the plan decided on {sum(map(len, plans.values()))} effects and left out "  # noqa: E501
         f"{spared}, whose result is provably zero or changes nothing.",
-        f"{millions(primary)} primary rays needed {millions(shadow)} shadow rays{_saved(primary, shadow)}{_unshadowed(panels)}.",
+        f"{millions(primary)} primary rays needed {millions(shadow)} shadow rays{_saved(primary, shadow)}{_unshadowed(panels)}.",  # noqa: E501
     ]
 
 

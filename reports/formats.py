@@ -1,4 +1,6 @@
-"""Numbers and lists as text: three significant digits, powers of ten in Unicode, so that text, tables and plots read alike."""
+"""Numbers and lists as text: three significant digits, powers of ten in Unicode, so that text, tables and
+plots read alike.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ LEAST_ERROR = 1e-6  # a smaller standard error of a slope is rounding
 
 
 def sig(x: float | None, digits: int = 3) -> str:
-    """`x` with so many significant digits, as powers of ten below 0.001 and from 100,000 on; a dash where there is no number."""
+    """`x` with so many significant digits, as powers of ten below 0.001 and from 100,000 on; a dash where
+    there is no number.
+    """
     if x is None or math.isnan(x):
         return DASH
     if math.isinf(x) or x == 0:

@@ -26,7 +26,9 @@ WORST = 99.0  # percentile of the error maps at which their false colours end
 
 @dataclass(frozen=True, eq=False)
 class Album:
-    """Pictures of one size; `exposure` in stops; `about` says what they are; `columns`: how many stand side by side."""
+    """Pictures of one size; `exposure` in stops; `about` says what they are; `columns`: how many stand side
+    by side.
+    """
 
     pictures: tuple[Picture, ...]
     exposure: float
@@ -55,7 +57,9 @@ class _Scored:
 
 
 def make_album(root: Path, panel: Panel) -> Album | None:
-    """The pictures of a panel from its run folder; None where nothing was scored, so that there is no reference to show."""
+    """The pictures of a panel from its run folder; None where nothing was scored, so that there is no
+    reference to show.
+    """
     return _samples_album(root, panel) if panel.study.over == "spp" else _parameter_album(root, panel)
 
 
@@ -70,11 +74,15 @@ def _samples_album(root: Path, panel: Panel) -> Album | None:
     images = [Picture(s.series.label, _image(root, s)) for s in shown]
     maps = _error_maps((f"error of {number}", _error(root, s)) for number, s in enumerate(shown, 2))
     about = f"{spp} samples a pixel, seed {shown[0].cell.entry.job.seed}"
-    return Album((Picture("reference", reference), *images, *maps), _exposure([reference]), about, 1 + len(images))
+    return Album(
+        (Picture("reference", reference), *images, *maps), _exposure([reference]), about, 1 + len(images)
+    )
 
 
 def _parameter_album(root: Path, panel: Panel) -> Album | None:
-    """The reference and the first series of two estimators, at both ends and in the middle of the axis, as far as of one size."""
+    """The reference and the first series of two estimators, at both ends and in the middle of the axis, as
+    far as of one size.
+    """
     series = list({s.estimator: s for s in reversed(panel.series)}.values())[::-1][:2]
     scored = _scored(series)
     if not scored:
@@ -133,7 +141,9 @@ def _error_maps(named: Iterable[tuple[str, Array | None]]) -> list[Picture]:
 
 def _exposure(references: Sequence[Array]) -> float:
     """Stops, in halves, that bring the median of the lit pixels of the references to a middling gray."""
-    level = _percentile(np.concatenate([image.mean(axis=-1).reshape(-1) for image in references]), 50.0, above=0.0)
+    level = _percentile(
+        np.concatenate([image.mean(axis=-1).reshape(-1) for image in references]), 50.0, above=0.0
+    )
     return round(2.0 * math.log2(MIDDLE / level)) / 2.0 if level > 0 else 0.0
 
 

@@ -1,7 +1,8 @@
-"""What may be said of the replicates of one configuration: a value with its interval, a bound, or nothing and why.
+"""What may be said of the replicates of one configuration: a value with its interval, a bound, or nothing and
+why.
 
-An untrustworthy cell has no number; where the squared error is below the reference's noise every figure that holds that noise is a
-bound; everything else has a value with a 95 % interval over its replicate seeds.
+An untrustworthy cell has no number; where the squared error is below the reference's noise every figure that
+holds that noise is a bound; everything else has a value with a 95 % interval over its replicate seeds.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ BELOW = "below the reference's noise"
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure with its 95 % interval; bound: an upper bound. value None: there is no number to show, `note` says why."""
+    """A figure with its 95 % interval; bound: an upper bound. value None: there is no number to show, `note`
+    says why.
+    """
 
     value: float | None
     low: float | None = None
@@ -56,7 +59,9 @@ def measure_all(cards: Sequence[Mapping[str, Score] | None], refused: str | None
 
 
 def _bounded(name: str, found: Measure) -> Measure:
-    """A figure that holds the reference's noise where that is most of it: the end of its interval that is safe, as a bound."""
+    """A figure that holds the reference's noise where that is most of it: the end of its interval that is
+    safe, as a bound.
+    """
     if found.value is None or found.bound:
         return found
     end = found.low if name in HIGHER else found.high
@@ -65,7 +70,9 @@ def _bounded(name: str, found: Measure) -> Measure:
 
 
 def _score(name: str, cards: Sequence[Mapping[str, Score] | None], refused: str | None) -> Measure:
-    """The mean over replicates; without a number if the samples are not to be believed or a replicate has none."""
+    """The mean over replicates; without a number if the samples are not to be believed or a replicate has
+    none.
+    """
     if refused is not None:
         return Measure(None, note=refused)
     scores = [card[name] for card in cards if card and name in card]
@@ -98,7 +105,9 @@ def root_of(mse: Measure) -> Measure:
 
 
 def efficiency_of(mse: Measure, seconds: Interval) -> Measure:
-    """1 / (MSE x seconds); where the MSE is an upper bound it is a lower bound, which has no place among numbers to compare."""
+    """1 / (MSE x seconds); where the MSE is an upper bound it is a lower bound, which has no place among
+    numbers to compare.
+    """
     if mse.value is None or mse.low is None or mse.high is None:
         return Measure(None, note=mse.note)
     if mse.bound or mse.value <= 0:

@@ -1,4 +1,6 @@
-"""From a run folder to a folder that opens from disk: one page, plotly and the flip book as files beside it, no network."""
+"""From a run folder to a folder that opens from disk: one page, plotly and the flip book as files beside it,
+no network.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class Promise:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A panel as the template needs it. anchor: its id; plot: HTML of its figure; samples: only along a parameter; regions: where cells are scored by region."""
+    """A panel as the template needs it. anchor: its id; plot: HTML of its figure; samples: only along a
+    parameter; regions: where cells are scored by region.
+    """
 
     anchor: str
     title: str
@@ -56,7 +60,8 @@ class Section:
 
 
 def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
-    """Write the report of a run, finished or not, into `out_dir` (run_dir/report if None) and return its index.html.
+    """Write the report of a run, finished or not, into `out_dir` (run_dir/report if None) and return its
+    index.html.
 
     Renders nothing. PenumbraError where there is no run or the folder cannot be written.
     """

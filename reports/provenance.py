@@ -37,23 +37,37 @@ def _facts(run: Run, records: Sequence[Record], made: Sequence[Provenance]) -> l
     return [
         ("Penumbra", _each(p.penumbra for p in made)),
         ("Commit", _each((p.commit or "not from a checkout") for p in made)),
-        ("Renderer", f"{_each(p.renderer[:DIGITS] for p in made)} (SHA-256 of its sources, first {DIGITS} digits)"),
+        (
+            "Renderer",
+            f"{_each(p.renderer[:DIGITS] for p in made)} (SHA-256 of its sources, first {DIGITS} digits)",
+        ),
         ("Python", _each(p.python for p in made)),
-        ("Packages", _each(", ".join(f"{name} {version}" for name, version in p.versions.items()) for p in made)),
+        (
+            "Packages",
+            _each(", ".join(f"{name} {version}" for name, version in p.versions.items()) for p in made),
+        ),
         ("Machine", _each(f"{p.machine}, {count(p.cores, 'core')}; one thread a render" for p in made)),
         ("Rendered", f"{days[0]} to {days[-1]}" if days[0] != days[-1] else days[0]),
         ("Cost", f"{count(len(records), 'image')}, {sig(render)} s of rendering in all"),
         ("Clock", _clock(records)),
-        ("Seeds", "; ".join(f"{s.name}: {', '.join(map(str, s.axes.seeds))}" for s in run.manifest.sweep.study)),
+        (
+            "Seeds",
+            "; ".join(f"{s.name}: {', '.join(map(str, s.axes.seeds))}" for s in run.manifest.sweep.study),
+        ),
     ]
 
 
 def _clock(records: Sequence[Record]) -> str:
-    """How far the wall clock, which the report shows, was ahead of the CPU's: a machine that was busy shows itself here."""
+    """How far the wall clock, which the report shows, was ahead of the CPU's: a machine that was busy shows
+    itself here.
+    """
     ratios = wall_over_cpu(records)
     if not ratios:
         return "no image took measurable CPU time"
-    return f"wall over CPU seconds of the renders: median {statistics.median(ratios):.2f}, largest {max(ratios):.2f}"
+    return (
+        f"wall over CPU seconds of the renders: median {statistics.median(ratios):.2f}, largest "
+        f"{max(ratios):.2f}"
+    )
 
 
 def _each(values: Iterable[str]) -> str:

@@ -1,4 +1,6 @@
-"""The table of errors by region of the picture: where an error comes from, and whether light leaks into the umbra."""
+"""The table of errors by region of the picture: where an error comes from, and whether light leaks into the
+umbra.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ LEAK = "umbra-leak"
 
 
 def region_table(panel: Panel) -> Table | None:
-    """RMSE by region of each series' last point: most samples, or hardest; None where nothing was scored by region."""
+    """RMSE by region of each series' last point: most samples, or hardest; None where nothing was scored by
+    region.
+    """
     last = [(series, panel.ordered(series)[-1]) for series in panel.series if series.points]
     pixels = _pixels([point for _, point in last])
     if not pixels:

@@ -1,7 +1,9 @@
-"""From a run folder to tidy series: which points a figure has, with what intervals, and what may be said of each.
+"""From a run folder to tidy series: which points a figure has, with what intervals, and what may be said of
+each.
 
 The rule of the house is kept here and nowhere else: an untrustworthy cell has no number, a cell below the
-reference's noise has an upper bound, everything else has a value with a 95 % interval over its replicate seeds.
+reference's noise has an upper bound, everything else has a value with a 95 % interval over its replicate
+seeds.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ Settings = tuple[tuple[str, float], ...]  # scene parameters and their values
 
 @dataclass(frozen=True)
 class Point:
-    """The replicates of one configuration. x: where it stands on the study's axis, spp or a parameter; place: that in words."""
+    """The replicates of one configuration. x: where it stands on the study's axis, spp or a parameter; place:
+    that in words.
+    """
 
     x: float
     place: str
@@ -62,7 +66,9 @@ class Point:
 
     @property
     def worst(self) -> SampleStatistics:
-        """What the samples of the most doubtful replicate say: untrustworthy before ok, then by the lowest tail index."""
+        """What the samples of the most doubtful replicate say: untrustworthy before ok, then by the lowest
+        tail index.
+        """
         return min((cell.record.statistics for cell in self.cells), key=_trust)
 
 
@@ -78,10 +84,11 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """One figure's worth of a study: one scene, all held fixed but the axis `over` and what tells the series apart.
+    """One figure's worth of a study: one scene, all held fixed but the axis `over` and what tells the series
+    apart.
 
-    fixed: this panel's values of the other parameters that the study varies. baseline: the rasterised picture, biased and no part of
-    the comparison.
+    fixed: this panel's values of the other parameters that the study varies. baseline: the rasterised
+    picture, biased and no part of the comparison.
     """
 
     study: Study
@@ -93,7 +100,9 @@ class Panel:
     @property
     def constants(self) -> Settings:
         """The parameters to which the whole study gives one value."""
-        return tuple((name, values[0]) for name, values in self.study.axes.parameters.items() if len(values) == 1)
+        return tuple(
+            (name, values[0]) for name, values in self.study.axes.parameters.items() if len(values) == 1
+        )
 
     @property
     def cells(self) -> list[FinishedCell]:
@@ -103,7 +112,9 @@ class Panel:
     def ordered(self, series: Series) -> list[Point]:
         """The points of a series as the sweep names them, a parameter from easy to hard where it does so."""
         study = self.study
-        given = [float(x) for x in (study.axes.spp if study.over == "spp" else study.axes.parameters[study.over])]
+        given = [
+            float(x) for x in (study.axes.spp if study.over == "spp" else study.axes.parameters[study.over])
+        ]
         return sorted(series.points, key=lambda point: given.index(point.x))
 
     @property
@@ -131,7 +142,9 @@ def select_studies(run: Run) -> list[StudyView]:
 
 def _view(finished: FinishedStudy, entry: StudyEntry) -> StudyView:
     there = {cell.entry.key for cell in finished.cells}
-    groups = _grouped(finished.cells, lambda cell: (cell.entry.job.scene, _fixed(finished.study, cell.entry.job)))
+    groups = _grouped(
+        finished.cells, lambda cell: (cell.entry.job.scene, _fixed(finished.study, cell.entry.job))
+    )
     return StudyView(
         finished.study,
         tuple(_panel(finished.study, scene, fixed, cells) for (scene, fixed), cells in groups.items()),
@@ -148,7 +161,9 @@ def wall_over_cpu(records: Iterable[Record]) -> list[float]:
 
 def varied(study: Study, job: Job) -> Settings:
     """A job's values of the parameters to which its study gives more than one."""
-    return tuple((name, value) for name, value in job.parameters.items() if len(study.axes.parameters[name]) > 1)
+    return tuple(
+        (name, value) for name, value in job.parameters.items() if len(study.axes.parameters[name]) > 1
+    )
 
 
 def _fixed(study: Study, job: Job) -> Settings:
@@ -160,7 +175,9 @@ def _panel(study: Study, scene: str, fixed: Settings, cells: Sequence[FinishedCe
     groups = _grouped((c for c in cells if c not in drawn), lambda cell: _series_key(study, cell.entry.job))
     series = [
         Series(estimator, sampler, _label(study, estimator, sampler, spp), _points(study, members))
-        for (estimator, sampler, spp), members in sorted(groups.items(), key=lambda item: _declared(study, item[0]))
+        for (estimator, sampler, spp), members in sorted(
+            groups.items(), key=lambda item: _declared(study, item[0])
+        )
     ]
     return Panel(study, scene, fixed, tuple(series), _baseline(study, drawn) if drawn else None)
 
@@ -203,7 +220,9 @@ def _point(study: Study, x: float, cells: Sequence[FinishedCell]) -> Point:
     spp = cells[0].entry.job.spp
     seconds = mean_interval([cell.record.seconds.render for cell in cells])
     trusted, verdict = _verdict(cells)
-    scores = measure_all([cell.card.scores if cell.card else None for cell in cells], None if trusted else verdict)
+    scores = measure_all(
+        [cell.card.scores if cell.card else None for cell in cells], None if trusted else verdict
+    )
     mse = scores.get("mse", Measure(None, note="no mse was scored"))
     return Point(
         x,

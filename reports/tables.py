@@ -12,7 +12,8 @@ from reports.formats import DASH, ends, listing, millions, plain, power_of_ten, 
 from reports.measures import HIGHER, Measure
 from reports.series import Panel, Point, Series, Settings, varied
 
-# What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, by region, or in the verdict.
+# What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, by
+# region, or in the verdict.
 TITLES = {"relmse": "relMSE", "flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR"}
 UNITS = {"flip": "0 to 1", "ssim": "to 1", "psnr": "dB"}
 ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share", "umbra-leak")
@@ -29,7 +30,9 @@ class Heading:
 
 @dataclass(frozen=True)
 class Cell:
-    """text and, below it in small print, `range`; kind: CSS classes; color: a swatch before the text; title: shown on hover."""
+    """text and, below it in small print, `range`; kind: CSS classes; color: a swatch before the text; title:
+    shown on hover.
+    """
 
     text: str
     range: str = ""
@@ -76,7 +79,9 @@ def error_table(panel: Panel) -> Table:
 
 
 def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
-    """The rasterised picture, if there is one: no samples, no rays, and no efficiency, since no time makes its error less."""
+    """The rasterised picture, if there is one: no samples, no rays, and no efficiency, since no time makes
+    its error less.
+    """
     point = panel.baseline
     if point is None:
         return []
@@ -96,7 +101,9 @@ def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
 
 
 def _unit(found: Iterable[Measure]) -> int:
-    """The power of a thousand, as an exponent of ten, in which the least of these figures is still one or more."""
+    """The power of a thousand, as an exponent of ten, in which the least of these figures is still one or
+    more.
+    """
     values = [measure.value for measure in found if measure.value]
     return 3 * math.floor(math.log10(min(values)) / 3) if values else 0
 
@@ -124,18 +131,24 @@ def _scaled(found: Measure, factor: float) -> Measure:
 
 
 def value_cell(found: Measure, higher: bool = False) -> Cell:
-    """A number with its interval; a bound says which way (higher: a lower one); nothing where nothing may be said."""
+    """A number with its interval; a bound says which way (higher: a lower one); nothing where nothing may be
+    said.
+    """
     if found.value is None:
         return Cell(DASH, kind="muted", title=found.note)
     if found.bound:
         sign = ">" if higher else "<"
-        return Cell(f"{sign} {sig(found.value)}", kind="muted", title=found.note or "below the reference's noise")
+        return Cell(
+            f"{sign} {sig(found.value)}", kind="muted", title=found.note or "below the reference's noise"
+        )
     return Cell(sig(found.value), range=ends(found))
 
 
 def _verdict(point: Point) -> Cell:
     if not point.trusted:
-        return Cell("untrustworthy", f"{point.doubted} of {len(point.cells)} images", "left bad", title=point.verdict)
+        return Cell(
+            "untrustworthy", f"{point.doubted} of {len(point.cells)} images", "left bad", title=point.verdict
+        )
     if point.rmse.bound:
         return Cell("upper bound", kind="left muted", title="below the reference's noise")
     if point.rmse.value is None:
@@ -170,7 +183,9 @@ def _samples_row(panel: Panel, series: Series, point: Point) -> Row:
 
 
 def plan_table(panels: Iterable[Panel]) -> Table:
-    """Effect, decision and reason for each scene; variants of a scene with one and the same plan share their rows."""
+    """Effect, decision and reason for each scene; variants of a scene with one and the same plan share their
+    rows.
+    """
     headings = tuple(Heading(title, words=True) for title in ("scene", "effect", "needed", "reason"))
     groups: dict[tuple[str, tuple[PlanDecision, ...]], list[tuple[Settings, RayCounts]]] = {}
     for panel in panels:
@@ -181,11 +196,18 @@ def plan_table(panels: Iterable[Panel]) -> Table:
     return Table(headings, tuple(rows))
 
 
-def _plan_rows(name: str, plan: Sequence[PlanDecision], found: Sequence[tuple[Settings, RayCounts]]) -> list[Row]:
+def _plan_rows(
+    name: str, plan: Sequence[PlanDecision], found: Sequence[tuple[Settings, RayCounts]]
+) -> list[Row]:
     primary, shadow = sum(rays.primary for _, rays in found), sum(rays.shadow for _, rays in found)
     told = ", ".join([scene_title(name), *_variants(values for values, _ in found)])
-    scene = Cell(told, f"{sig(shadow / primary)} shadow rays a primary ray" if primary else "", "left wrap narrow")
-    return [Row((scene if i == 0 else Cell(""), *_decision(decision)), first=i == 0) for i, decision in enumerate(plan)]
+    scene = Cell(
+        told, f"{sig(shadow / primary)} shadow rays a primary ray" if primary else "", "left wrap narrow"
+    )
+    return [
+        Row((scene if i == 0 else Cell(""), *_decision(decision)), first=i == 0)
+        for i, decision in enumerate(plan)
+    ]
 
 
 def _decision(decision: PlanDecision) -> tuple[Cell, Cell, Cell]:

@@ -16,9 +16,11 @@ from reports.series import Panel, Point, Series
 
 @dataclass(frozen=True)
 class Comparison:
-    """How many times as efficient `series` is as `base`, at the largest sample count at which both are measured.
+    """How many times as efficient `series` is as `base`, at the largest sample count at which both are
+    measured.
 
-    relative: the same by relMSE instead of MSE, where that is measured too: the two differ where few bright pixels make up the MSE.
+    relative: the same by relMSE instead of MSE, where that is measured too: the two differ where few bright
+    pixels make up the MSE.
     """
 
     panel: Panel
@@ -37,8 +39,9 @@ def measured(series: Series) -> list[Point]:
 def fitted_slope(series: Series) -> Slope | None:
     """The slope of RMSE against render seconds over all measured points; None with fewer than two.
 
-    With three points or more all weigh the same and the scatter about the line gives the error, so that a departure from a power law widens it:
-    intervals from a few replicates would make poor weights. Two points have their intervals alone.
+    With three points or more all weigh the same and the scatter about the line gives the error, so that a
+    departure from a power law widens it: intervals from a few replicates would make poor weights. Two points
+    have their intervals alone.
     """
     points = measured(series)
     return _fit(points, weigh=len(points) == 2)
@@ -52,7 +55,9 @@ def last_slope(series: Series) -> tuple[Slope, Point, Point] | None:
 
 
 def sample_slope(series: Series) -> Slope | None:
-    """The slope of RMSE against the number of samples, which fixed costs of an image have no part in; None with fewer than two points."""
+    """The slope of RMSE against the number of samples, which fixed costs of an image have no part in; None
+    with fewer than two points.
+    """
     points = measured(series)
     if len({p.spp for p in points}) < 2:
         return None

@@ -1,8 +1,9 @@
 """The HDR flip viewer: linear images in a script file beside the page, shown by simpleimageio's flip book.
 
-The flip book is a script that needs no server: it has exposure, false colour, zoom, pan, a pixel magnifier and number keys.
-Its Python wrapper packs RGBE, which has neither NaN nor infinity nor negative values; a viewer in a report about numerical
-trouble must show those, so that pictures go in as half or single floats, which the same script reads.
+The flip book is a script that needs no server: it has exposure, false colour, zoom, pan, a pixel magnifier
+and number keys. Its Python wrapper packs RGBE, which has neither NaN nor infinity nor negative values; a
+viewer in a report about numerical trouble must show those, so that pictures go in as half or single floats,
+which the same script reads.
 """
 
 from __future__ import annotations
@@ -19,8 +20,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-HALF_LEAST, HALF_MOST = 0.1, 65504.0  # the script reads halves below 6e-5 as 0: good for pictures brighter than this
-# A flip book draws each of its pictures with a WebGL context of its own, of which browsers keep 16: it starts when it comes near.
+HALF_LEAST, HALF_MOST = (
+    0.1,
+    65504.0,
+)  # the script reads halves below 6e-5 as 0: good for pictures brighter than this
+# A flip book draws each of its pictures with a WebGL context of its own, of which browsers keep 16: it starts
+# when it comes near.
 START = """{
   const book = DATA;
   const place = document.getElementById(book.containerId);
@@ -35,7 +40,9 @@ MAX_IMAGES = 10  # the flip book's number keys: 1 to 9, then 0
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One page of a flip book. pixels: (h, w, 3) linear radiance, or (h, w) for a map, shown in false colour from 0 to `limit`."""
+    """One page of a flip book. pixels: (h, w, 3) linear radiance, or (h, w) for a map, shown in false colour
+    from 0 to `limit`.
+    """
 
     name: str
     pixels: Array
@@ -48,7 +55,8 @@ def flipbook_source() -> str:
 
 
 def flip_script(container: str, pictures: Sequence[Picture], exposure: float = 0.0) -> str:
-    """A script that fills the element `container` with a flip book of `pictures`, all of one size, `exposure` stops brighter.
+    """A script that fills the element `container` with a flip book of `pictures`, all of one size, `exposure`
+    stops brighter.
 
     Raises ValueError for no pictures, more than the number keys reach, or pictures of different sizes.
     """

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 from scenes.pbrt.parser import parse_file
 from scenes.pbrt.text.lexer import read_source
@@ -37,12 +37,15 @@ def _library_scene(path: Path) -> LibraryScene:
     return LibraryScene(path.stem, path, header.title, header.doc, header.parameters)
 
 
-def load(name_or_path: str, parameters: Values | None = None, allow_outside: bool | None = None) -> SceneDescription:
+def load(
+    name_or_path: str, parameters: Values | None = None, allow_outside: bool | None = None
+) -> SceneDescription:
     """Read a scene by library name or by path of a .pbrt file.
 
-    parameters: values of the template's `$name`s, finite numbers. allow_outside: whether files that the scene names may
-    lie outside its own folder; None: if ALLOW_OUTSIDE is set in the environment, which the processes of a run inherit. PenumbraError where there is no such scene or
-    parameter, SceneError with file, line and column where the text is wrong.
+    parameters: values of the template's `$name`s, finite numbers. allow_outside: whether files that the scene
+    names may lie outside its own folder; None: if ALLOW_OUTSIDE is set in the environment, which the
+    processes of a run inherit. PenumbraError where there is no such scene or parameter, SceneError with file,
+    line and column where the text is wrong.
     """
     path = find(name_or_path)
     allow_outside = bool(os.environ.get(ALLOW_OUTSIDE)) if allow_outside is None else allow_outside

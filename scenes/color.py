@@ -1,23 +1,29 @@
-"""Spectra of a scene file as linear sRGB, and metals as three complex refractive indices: what pbrt-v4's own image would show.
+"""Spectra of a scene file as linear sRGB, and metals as three complex refractive indices: what pbrt-v4's own
+image would show.
 
-pbrt renders spectra, we render RGB. What follows is read off its source: `SpectrumToPhotometric`, `SpectrumToXYZ` and
-`FromInterleaved` in util/spectrum.cpp, `Create` of every light in lights.cpp, `PixelSensor` and `RGBFilm` in film.h/.cpp.
+pbrt renders spectra, we render RGB. What follows is read off its source: `SpectrumToPhotometric`,
+`SpectrumToXYZ` and `FromInterleaved` in util/spectrum.cpp, `Create` of every light in lights.cpp,
+`PixelSensor` and `RGBFilm` in film.h/.cpp.
 
-- A spectrum is summed at whole nanometres from 360 to 830. A named one continues with its end values to both sides,
+- A spectrum is summed at whole nanometres from 360 to 830. A named one continues with its end values to both
+sides,
   one listed in the file (or read from a file of its own) is 0 outside its list.
-- A light's `scale` is divided by the luminance integral of ybar(l) L(l) of its spectrum (of the D65 that pbrt multiplies an
-  `rgb` with; K_m, 683 lm/W, is left out in both places), so neither a black body's temperature nor the norm of a listed
-  spectrum makes a light brighter. The default sensor, "cie1931", has the responses xbar, ybar, zbar and an imaging
-  ratio of 1 (exposure 1 s, ISO 100) without white balance. So a camera that looks at the light reads
+- A light's `scale` is divided by the luminance integral of ybar(l) L(l) of its spectrum (of the D65 that pbrt
+multiplies an
+  `rgb` with; K_m, 683 lm/W, is left out in both places), so neither a black body's temperature nor the norm
+  of a listed spectrum makes a light brighter. The default sensor, "cie1931", has the responses xbar, ybar,
+  zbar and an imaging ratio of 1 (exposure 1 s, ISO 100) without white balance. So a camera that looks at the
+  light reads
 
       Y = scale,   (X, Z) = scale (integral of xbar L, integral of zbar L) / (integral of ybar L),
 
-  and the film's pixel is M^-1 (X, Y, Z): M^-1 takes XYZ to linear sRGB, its white point being that of D65's own integral.
-  An `rgb` light reads its three numbers, D65 reads (1, 1, 1).
-- A reflectance R reads, under a light of D65 that alone would read 1: M^-1 (integral of (xbar, ybar, zbar) R D65) / (integral of ybar D65).
+  and the film's pixel is M^-1 (X, Y, Z): M^-1 takes XYZ to linear sRGB, its white point being that of D65's
+  own integral. An `rgb` light reads its three numbers, D65 reads (1, 1, 1).
+- A reflectance R reads, under a light of D65 that alone would read 1: M^-1 (integral of (xbar, ybar, zbar) R
+D65) / (integral of ybar D65).
 
-sRGB does not hold every colour: a component that comes out negative (blue below some 1,900 K) is 0 here. pbrt's film
-would keep the negative number.
+sRGB does not hold every colour: a component that comes out negative (blue below some 1,900 K) is 0 here.
+pbrt's film would keep the negative number.
 """
 
 from __future__ import annotations
@@ -52,14 +58,17 @@ PRIMARIES = {
     "dci-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06)),
 }
 OPAQUE = 0.9999  # pbrt's greatest reflectance of a conductor
-SECOND_RADIATION = 1.438776877e-2  # h c / k in m K, CODATA 2018; colour-science's own is rounded to five digits
+SECOND_RADIATION = (
+    1.438776877e-2  # h c / k in m K, CODATA 2018; colour-science's own is rounded to five digits
+)
 COLDEST, HOTTEST = 100.0, 1e9  # K; far beyond either, double precision does not hold Planck's law at 360 nm
 _FIRST, _LAST = 360.0, 830.0
 _TABLE = Path(__file__).parent / "data" / "metals.csv"
 
 
 def blackbody(kelvin: float) -> Array:
-    """What pbrt's image shows of a light whose `blackbody` has a temperature in kelvin: (3,) linear sRGB, luminance 1.
+    """What pbrt's image shows of a light whose `blackbody` has a temperature in kelvin: (3,) linear sRGB,
+    luminance 1.
 
     PenumbraError outside [100, 1e9] K.
     """
@@ -70,9 +79,11 @@ def blackbody(kelvin: float) -> Array:
 
 
 def named(name: str, role: Role) -> Array:
-    """One of pbrt's named spectra as (3,) linear sRGB: an illuminant, or one of METALS with "-eta" or "-k" as an unbounded spectrum.
+    """One of pbrt's named spectra as (3,) linear sRGB: an illuminant, or one of METALS with "-eta" or "-k" as
+    an unbounded spectrum.
 
-    A metal's look needs both together: use `metal`. PenumbraError for other names, and for an illuminant in another role.
+    A metal's look needs both together: use `metal`. PenumbraError for other names, and for an illuminant in
+    another role.
     """
     return _project(_named(name, role), role)
 
@@ -80,31 +91,37 @@ def named(name: str, role: Role) -> Array:
 def sampled(wavelengths: Sequence[float] | Array, values: Sequence[float] | Array, role: Role) -> Array:
     """A spectrum listed by its samples as (3,) linear sRGB: linear between them, 0 outside.
 
-    wavelengths: nm, increasing. values: as many, none negative. role: "illuminant" (luminance 1, see above), "reflectance"
-    (in [0, 1]), "unbounded" (as a reflectance, without the upper bound). PenumbraError for other input, and for a light
-    without any visible.
+    wavelengths: nm, increasing. values: as many, none negative. role: "illuminant" (luminance 1, see above),
+    "reflectance" (in [0, 1]), "unbounded" (as a reflectance, without the upper bound). PenumbraError for
+    other input, and for a light without any visible.
     """
     nm, value = np.asarray(wavelengths, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if nm.ndim != 1 or nm.shape != value.shape or nm.size < 2:
         raise PenumbraError(
-            f"a spectrum is at least two pairs of wavelength and value, not {nm.size} and {value.size} numbers"
+            f"a spectrum is at least two pairs of wavelength and value, not {nm.size} and "
+            f"{value.size} numbers"
         )
-    if not (np.isfinite(nm).all() and np.isfinite(value).all() and (np.diff(nm) > 0).all() and (value >= 0).all()):
-        raise PenumbraError("a spectrum has increasing wavelengths in nm and finite values that are not negative")
+    if not (
+        np.isfinite(nm).all() and np.isfinite(value).all() and (np.diff(nm) > 0).all() and (value >= 0).all()
+    ):
+        raise PenumbraError(
+            "a spectrum has increasing wavelengths in nm and finite values that are not negative"
+        )
     return _project(np.interp(_wavelengths(), nm, value, left=0.0, right=0.0), role)
 
 
 def metal(name: str) -> tuple[Array, Array]:
     """eta and k, (3,) each, that give one of METALS its look in linear sRGB; PenumbraError for another name.
 
-    Per channel: r is the spectrum of the reflectance at normal incidence and eta that of the measured eta, both as seen under
-    D65 (r in [0, 0.9999], eta within what was measured); k follows from them, so that r is met exactly. Where no real k
-    does it, as in crystals that absorb nothing, k is 0 and eta follows from r. Both projections are linear, and so is the
-    reflectance in small changes of eta and k: a mean with positive weights only would be ten times worse.
+    Per channel: r is the spectrum of the reflectance at normal incidence and eta that of the measured eta,
+    both as seen under D65 (r in [0, 0.9999], eta within what was measured); k follows from them, so that r is
+    met exactly. Where no real k does it, as in crystals that absorb nothing, k is 0 and eta follows from r.
+    Both projections are linear, and so is the reflectance in small changes of eta and k: a mean with positive
+    weights only would be ten times worse.
 
-    Against the spectral Fresnel reflectance seen under D65, at 0, 5, ... 85 degrees, the largest error in any channel is
-    0.0003 for Ag, 0.0009 Al, 0.022 Au, 0.011 Cu, 0.005 CuZn, and below 0.0001 for MgO and TiO2. Gold's is sRGB's: its red
-    is 1.022, which no r below 1 can be; its green and blue are within 0.0015.
+    Against the spectral Fresnel reflectance seen under D65, at 0, 5, ... 85 degrees, the largest error in any
+    channel is 0.0003 for Ag, 0.0009 Al, 0.022 Au, 0.011 Cu, 0.005 CuZn, and below 0.0001 for MgO and TiO2.
+    Gold's is sRGB's: its red is 1.022, which no r below 1 can be; its green and blue are within 0.0015.
     """
     if name not in METALS:
         raise PenumbraError(f"unknown metal {name!r}; there are {', '.join(METALS)}")
@@ -124,7 +141,8 @@ def conductor(eta: Array, k: Array) -> tuple[Array, Array]:
 
 
 def conductor_of_reflectance(r: Array) -> tuple[Array, Array]:
-    """eta and k, (3,) each, of a metal given by its reflectance r (3,) at normal incidence, pbrt's way: eta = 1, k = 2 sqrt(r / (1 - r)).
+    """eta and k, (3,) each, of a metal given by its reflectance r (3,) at normal incidence, pbrt's way: eta =
+    1, k = 2 sqrt(r / (1 - r)).
 
     r is clamped to [0, 0.9999].
     """
@@ -133,10 +151,12 @@ def conductor_of_reflectance(r: Array) -> tuple[Array, Array]:
 
 
 def from_space(name: str, rgb: Array, most: float) -> Array:
-    """(3,) linear RGB of one of SPACES as linear sRGB, what sRGB does not hold cut off below 0 and above `most`.
+    """(3,) linear RGB of one of SPACES as linear sRGB, what sRGB does not hold cut off below 0 and above
+    `most`.
 
-    Their white is D65 as sRGB's, so that grays stay what they are. What pbrt's film shows of a saturated reflectance also hangs on the
-    spectrum that pbrt makes of it, and agrees as little as any saturated one's does.
+    Their white is D65 as sRGB's, so that grays stay what they are. What pbrt's film shows of a saturated
+    reflectance also hangs on the spectrum that pbrt makes of it, and agrees as little as any saturated one's
+    does.
     """
     here, there = _to_xyz(np.array(PRIMARIES["srgb"])), _to_xyz(np.array(PRIMARIES[name]))
     return np.clip(np.asarray(np.linalg.solve(here, there @ rgb), dtype=np.float64), 0.0, most)
@@ -146,7 +166,8 @@ def from_space(name: str, rgb: Array, most: float) -> Array:
 class _Standard:
     """xyz: (3, 471), the CIE 1931 colour matching functions. from_xyz: (3, 3), to linear sRGB.
 
-    response: (3, 471); its product with a reflectance is the reflectance's colour under D65; each row sums to 1.
+    response: (3, 471); its product with a reflectance is the reflectance's colour under D65; each row sums to
+    1.
     """
 
     xyz: Array
@@ -221,13 +242,16 @@ def _observer() -> Array:
 def _to_xyz(primaries: Array) -> Array:
     """(3, 3) from linear RGB of these primaries (3, 2), their white being D65's own integral, to XYZ."""
     white = _observer() @ _illuminant("D65")
-    return np.asarray(_colour().normalised_primary_matrix(primaries, white[:2] / white.sum()), dtype=np.float64)
+    return np.asarray(
+        _colour().normalised_primary_matrix(primaries, white[:2] / white.sum()), dtype=np.float64
+    )
 
 
 def _illuminant(name: str) -> Array:
     """One of colour-science's illuminants at the 471 wavelengths, linear between its samples as pbrt has it.
 
-    Its tables of A, D50 and D65 end at 780 nm, pbrt's at 830: 1e-6 of the luminance lies there, and the end values stand in for it.
+    Its tables of A, D50 and D65 end at 780 nm, pbrt's at 830: 1e-6 of the luminance lies there, and the end
+    values stand in for it.
     """
     spectrum = _colour().SDS_ILLUMINANTS[name]
     nm, value = (np.asarray(part, dtype=np.float64) for part in (spectrum.wavelengths, spectrum.values))
@@ -235,7 +259,8 @@ def _illuminant(name: str) -> Array:
 
 
 def _colour() -> Any:
-    # Imported here: it takes a second, and it warns of the plotting library that it could use and nothing here needs.
+    # Imported here: it takes a second, and it warns of the plotting library that it could use and nothing
+    # here needs.
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message='.*"Matplotlib" related API')
         import colour

@@ -25,7 +25,9 @@ class Location:
 
 
 class SceneError(PenumbraError):
-    """A scene that cannot be read or rendered: what, where, and what is allowed; one line, and one for each further place."""
+    """A scene that cannot be read or rendered: what, where, and what is allowed; one line, and one for each
+    further place.
+    """
 
     def __init__(self, message: str, location: Location | None = None, further: Sequence[str] = ()) -> None:
         self.message = _one_line(message)
@@ -40,7 +42,10 @@ class SceneError(PenumbraError):
 
 
 class Unsupported(SceneError):
-    """What the format allows and nothing here simulates. A parser that meets it reads on, to name all of them at once."""
+    """What the format allows and nothing here simulates.
+
+    A parser that meets it reads on, to name all of them at once.
+    """
 
 
 class Report:
@@ -68,14 +73,18 @@ class Report:
         raise SceneError(message, where, lines[1:])
 
     def behind(self, error: SceneError) -> SceneError:
-        """`error` with the places listed behind it; itself where there are none, or where it is of this report."""
+        """`error` with the places listed behind it; itself where there are none, or where it is of this
+        report.
+        """
         lines = self._lines()
         if not lines or str(error).startswith(lines[0]):
             return error
         return SceneError(error.message, error.location, [*error.further, *lines])
 
     def _lines(self) -> list[str]:
-        """The places in the order of each file, the files in the order in which something was found in them."""
+        """The places in the order of each file, the files in the order in which something was found in
+        them.
+        """
         more = self._count - len(self._found)
         rest = [f"and {more} more places that ask for what is not supported"] if more else []
         files = list(dict.fromkeys(where.file for _, where in self._found.values()))
@@ -88,7 +97,11 @@ class Report:
 
 
 def _one_line(text: str) -> str:
-    """What a file says, fit for a terminal: control characters spelled out, and the middle of long nonsense left out."""
-    text = text if len(text) <= 1200 else text[:600] + text[-600:]  # before it is gone through; more is not shown
+    """What a file says, fit for a terminal: control characters spelled out, and the middle of long nonsense
+    left out.
+    """
+    text = (
+        text if len(text) <= 1200 else text[:600] + text[-600:]
+    )  # before it is gone through; more is not shown
     printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     return printable if len(printable) <= 600 else f"{printable[:295]} ... {printable[-300:]}"

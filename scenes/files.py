@@ -13,14 +13,17 @@ FILE_LIMIT = 2**30  # bytes, after decompression
 
 
 class Files:
-    """Finds files for a scene. root: the folder of its top file, which nothing leaves unless `allow_outside` is set."""
+    """Finds files for a scene. root: the folder of its top file, which nothing leaves unless `allow_outside`
+    is set.
+    """
 
     def __init__(self, root: Path, allow_outside: bool = False) -> None:
         self._root = root
         self._allow_outside = allow_outside
 
     def find(self, name: str, near: Path | None, where: Location) -> Path:
-        """A file named in a scene: relative to the top file, as in pbrt, else to the file that names it, in folder `near`.
+        """A file named in a scene: relative to the top file, as in pbrt, else to the file that names it, in
+        folder `near`.
 
         SceneError at `where` if it lies outside the root, also by way of a symbolic link.
         """
@@ -32,7 +35,7 @@ class Files:
             raise SceneError(f"{name!r} is no file name: {error}", where) from None
         if not inside:
             raise SceneError(
-                f"{name!r} lies outside the folder of the scene, {str(self._root)!r}; to read it all the same, "
+                f"{name!r} lies outside the folder of the scene, {str(self._root)!r}; to read it all the same, "  # noqa: E501
                 "allow files from outside (penumbra --allow-outside COMMAND ...)",
                 where,
             )
@@ -43,7 +46,9 @@ class Files:
 
 
 def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
-    """The content of a file, decompressed if its name ends in .gz, or its first bytes; PenumbraError if it cannot be read or is too large."""
+    """The content of a file, decompressed if its name ends in .gz, or its first bytes; PenumbraError if it
+    cannot be read or is too large.
+    """
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):

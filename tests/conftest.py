@@ -1,7 +1,9 @@
-"""Switches that hold for every test: run-time type checks, the slow tier, and tests that need a part of the system.
+"""Switches that hold for every test: run-time type checks, the slow tier, and tests that need a part of the
+system.
 
 PENUMBRA_SLOW=1 (`make test-all`) brings in the tests marked `slow`.
-PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a failure.
+PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a
+failure.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ _NUMBERS = itertools.count()
 
 
 @pytest.fixture(autouse=True)
-def _references_of_this_test(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+def _references_of_this_test(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     """No test sees the user's references, nor another test's."""
     monkeypatch.setenv("PENUMBRA_CACHE", str(tmp_path_factory.getbasetemp() / f"cache{next(_NUMBERS)}"))
     monkeypatch.delenv("PENUMBRA_PBRT", raising=False)
@@ -61,7 +65,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
     if STRICT and report.skipped and not hasattr(report, "wasxfail") and any(_parts(item)):
-        report.outcome, report.longrepr = "failed", f"skipped, which PENUMBRA_STRICT forbids: {report.longrepr}"
+        report.outcome, report.longrepr = (
+            "failed",
+            f"skipped, which PENUMBRA_STRICT forbids: {report.longrepr}",
+        )
     return report
 
 
@@ -71,5 +78,8 @@ def pytest_make_collect_report(
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
     report = yield
     if STRICT and report.skipped:
-        report.outcome, report.longrepr = "failed", f"{collector.nodeid} skipped as a whole: {report.longrepr}"
+        report.outcome, report.longrepr = (
+            "failed",
+            f"{collector.nodeid} skipped as a whole: {report.longrepr}",
+        )
     return report

@@ -1,7 +1,9 @@
-"""What Penumbra and its tests need of the machine beyond Python: found by trying it, installed with apt where that is possible.
+"""What Penumbra and its tests need of the machine beyond Python: found by trying it, installed with apt where
+that is possible.
 
-`python tests/system_parts.py run` sees to what the program needs and fails where it stays missing; `... test` sees to what
-some tests need, which are skipped where it stays missing. conftest.py imports this for the reason of the skip.
+`python tests/system_parts.py run` sees to what the program needs and fails where it stays missing; `... test`
+sees to what some tests need, which are skipped where it stays missing. conftest.py imports this for the
+reason of the skip.
 """
 
 from __future__ import annotations
@@ -22,7 +24,10 @@ def chromium() -> str | None:
 
 def _starts_chromium() -> bool:
     path = chromium()
-    return path is not None and subprocess.run([path, "--version"], capture_output=True, timeout=60).returncode == 0
+    return (
+        path is not None
+        and subprocess.run([path, "--version"], capture_output=True, timeout=60).returncode == 0
+    )
 
 
 def _loads(library: str) -> bool:
@@ -43,13 +48,16 @@ egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_v
 egl.eglInitialize.argtypes = [ctypes.c_void_p] * 3
 handles = egl.eglGetPlatformDisplay(0x31DD, None, None), egl.eglGetDisplay(None)  # 0x31DD: without a surface, Mesa's
 sys.exit(not any(handle and egl.eglInitialize(handle, None, None) for handle in handles))
-"""
+"""  # noqa: E501
 
 
 def _draws() -> bool:
     """A display without a screen, which takes a driver, and desktop OpenGL."""
     desktop = _loads("libOpenGL.so.0") or _loads("libGL.so.1")
-    return desktop and subprocess.run([sys.executable, "-c", DISPLAY], capture_output=True, timeout=60).returncode == 0
+    return (
+        desktop
+        and subprocess.run([sys.executable, "-c", DISPLAY], capture_output=True, timeout=60).returncode == 0
+    )
 
 
 @dataclass(frozen=True)
@@ -92,11 +100,16 @@ def main(what: str) -> int:
     """Install what is missing, where root and apt allow it, and say what still is."""
     missing = [part for part in (RUN if what == "run" else TEST.values()) if not part.works()]
     if missing and os.geteuid() == 0 and shutil.which("apt-get"):
-        print(f"installing with apt: {' '.join(part.package for part in missing)}", file=sys.stderr, flush=True)
+        print(
+            f"installing with apt: {' '.join(part.package for part in missing)}", file=sys.stderr, flush=True
+        )
         _install([name for part in missing for name in part.package.split()])
     missing = [part for part in missing if not part.works()]
     for part in missing:
-        print(part.missing() + ("" if what == "run" else "  (until then its tests are skipped)"), file=sys.stderr)
+        print(
+            part.missing() + ("" if what == "run" else "  (until then its tests are skipped)"),
+            file=sys.stderr,
+        )
     return 1 if missing and what == "run" else 0
 
 

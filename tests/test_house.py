@@ -1,4 +1,5 @@
-"""House rules that no linter here expresses: who may import what, sizes, citations, examples in docstrings, registries.
+"""House rules that no linter here expresses: who may import what, sizes, citations, examples in docstrings,
+registries.
 
 The direction of imports between the packages is import-linter's (pyproject.toml).
 """
@@ -38,8 +39,19 @@ ONE_FILE = {
 }
 FILE_LINES = 300
 FUNCTION_LINES = 40
-CITATION = re.compile(r"\[([a-z]{2,}\d{1,5}[a-z]?)\b(?:,[^\[\]]*| [^\[\]]*)?\]")  # [urena2013] or [urena2013, eq. 7]
-WITHOUT_STATE = {"default_rng", "Generator", "SeedSequence", "BitGenerator", "PCG64", "PCG64DXSM", "Philox", "SFC64"}
+CITATION = re.compile(
+    r"\[([a-z]{2,}\d{1,5}[a-z]?)\b(?:,[^\[\]]*| [^\[\]]*)?\]"
+)  # [urena2013] or [urena2013, eq. 7]
+WITHOUT_STATE = {
+    "default_rng",
+    "Generator",
+    "SeedSequence",
+    "BitGenerator",
+    "PCG64",
+    "PCG64DXSM",
+    "Philox",
+    "SFC64",
+}
 
 
 def _name(path: Path) -> str:
@@ -60,16 +72,22 @@ def _imports(path: Path) -> Iterator[str]:
             case ast.ImportFrom(module=str(module), names=names):
                 yield module
                 yield from (f"{module}.{alias.name}" for alias in names)
-            case ast.Call(func=ast.Attribute(attr="import_module"), args=[ast.Constant(value=str(module)), *_]):
+            case ast.Call(
+                func=ast.Attribute(attr="import_module"), args=[ast.Constant(value=str(module)), *_]
+            ):
                 yield module
 
 
 def _functions(path: Path) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
-    return (node for node in ast.walk(_tree(path)) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+    return (
+        node for node in ast.walk(_tree(path)) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    )
 
 
 def _lines(path: Path, function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
-    """Lines from `def` to the last, the docstring not counted, nor a command's signature, which is its table of options."""
+    """Lines from `def` to the last, the docstring not counted, nor a command's signature, which is its table
+    of options.
+    """
     documented = ast.get_docstring(function) is not None
     body = function.body[1:] if documented else function.body
     docstring = _height(function.body[0]) if documented else 0
@@ -95,8 +113,12 @@ def test_library_is_imported_by_its_one_file_only(library: str) -> None:
 
 
 def test_reports_work_without_renderer() -> None:
-    """Importing every module of reports brings in neither the renderer nor a reference renderer, lazy imports aside."""
-    modules = [_name(path).removesuffix(".py").removesuffix("/__init__").replace("/", ".") for path in SOURCES]
+    """Importing every module of reports brings in neither the renderer nor a reference renderer, lazy imports
+    aside.
+    """
+    modules = [
+        _name(path).removesuffix(".py").removesuffix("/__init__").replace("/", ".") for path in SOURCES
+    ]
     script = "import importlib, sys\n" + "".join(
         f"importlib.import_module({module!r})\n" for module in modules if module.startswith("reports")
     )
@@ -106,7 +128,9 @@ def test_reports_work_without_renderer() -> None:
 
 
 def test_protocols_can_be_checked_at_run_time() -> None:
-    """The run-time type checks of the tests (conftest.py) cannot decorate a function that takes any other protocol."""
+    """The run-time type checks of the tests (conftest.py) cannot decorate a function that takes any other
+    protocol.
+    """
     wrong = [
         f"{_name(path)}:{node.lineno} {node.name}"
         for path in SOURCES
@@ -124,7 +148,9 @@ def test_files_are_short() -> None:
 
 def test_functions_are_short() -> None:
     lines = {
-        f"{_name(path)}:{f.lineno} {f.name}": _lines(path, f) for path in [*SOURCES, *TESTS] for f in _functions(path)
+        f"{_name(path)}:{f.lineno} {f.name}": _lines(path, f)
+        for path in [*SOURCES, *TESTS]
+        for f in _functions(path)
     }
     assert not {name: count for name, count in lines.items() if count >= FUNCTION_LINES}
 
@@ -145,7 +171,9 @@ def test_citations_and_bibliography_agree() -> None:
     """Every [key] of a docstring has its entry, every entry is cited."""
     bibliography = (ROOT / "docs" / "references.bib").read_text(encoding="utf-8")
     entries = re.findall(r"^@\w+\{([^,\s]+),", bibliography, flags=re.MULTILINE)
-    cited = {key for path in [*SOURCES, *TESTS] for text in _docstrings(path) for key in CITATION.findall(text)}
+    cited = {
+        key for path in [*SOURCES, *TESTS] for text in _docstrings(path) for key in CITATION.findall(text)
+    }
     assert len(entries) == len(set(entries))
     assert cited, "no docstring cites anything: the pattern of a citation must have changed"
     assert cited == set(entries)
@@ -156,7 +184,9 @@ def test_doctests() -> None:
     modules = [path for path in SOURCES if any(">>>" in text for text in _docstrings(path))]
     failures = {}
     for path in modules:
-        module = importlib.import_module(_name(path).removesuffix(".py").removesuffix("/__init__").replace("/", "."))
+        module = importlib.import_module(
+            _name(path).removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        )
         result = doctest.testmod(module)
         failures[_name(path)] = result.failed
         assert result.attempted, f"{_name(path)} has examples that doctest does not see"
@@ -166,7 +196,9 @@ def test_doctests() -> None:
 def _registries() -> dict[str, Registry[object]]:
     """All registries: every module whose source makes one."""
     makers = [
-        path for path in SOURCES if re.search(r"^[A-Z_]+\b.*= Registry\(", path.read_text(encoding="utf-8"), re.M)
+        path
+        for path in SOURCES
+        if re.search(r"^[A-Z_]+\b.*= Registry\(", path.read_text(encoding="utf-8"), re.M)
     ]
     modules = [importlib.import_module(_name(path).removesuffix(".py").replace("/", ".")) for path in makers]
     found = [value for module in modules for value in vars(module).values() if isinstance(value, Registry)]

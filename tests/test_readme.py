@@ -27,7 +27,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _run(command: list[str], folder: Path) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
-        command, cwd=folder, env={**os.environ, "PATH": path}, stdin=subprocess.DEVNULL, capture_output=True, text=True
+        command,
+        cwd=folder,
+        env={**os.environ, "PATH": path},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
 
@@ -35,7 +40,10 @@ def _run(command: list[str], folder: Path) -> None:
 def test_every_kind_of_block_is_known() -> None:
     assert {language for language, _ in BLOCKS} == {"sh", "toml", "python"}
     assert {
-        line.split("#")[0].strip() for _, text in BLOCKS for line in text.splitlines() if line.startswith("make")
+        line.split("#")[0].strip()
+        for _, text in BLOCKS
+        for line in text.splitlines()
+        if line.startswith("make")
     } == MAKE
 
 

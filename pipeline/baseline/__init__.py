@@ -1,4 +1,5 @@
-"""The cheap end of every chart of error against time: the scene rasterised by pyrender, a point in place of each area light, no shadows.
+"""The cheap end of every chart of error against time: the scene rasterised by pyrender, a point in place of
+each area light, no shadows.
 
     surfaces.py   SceneDescription -> triangles in camera space
     lamps.py      lights -> points, spots, directions and a constant

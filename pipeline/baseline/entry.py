@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pipeline.baseline.scene import refuses as refuses_scene
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 NAME = "pyrender"
 SAMPLER = "pixel-middle"
@@ -38,7 +38,9 @@ def refuses(scene: SceneDescription) -> str | None:
 
 @cache
 def missing() -> str | None:
-    """Which libraries of OpenGL without a screen this machine lacks, and how to get them; None if one platform has its own."""
+    """Which libraries of OpenGL without a screen this machine lacks, and how to get them; None if one
+    platform has its own.
+    """
     lacking = [" or ".join(group) for group in NEEDED["EGL"] if not any(map(_loads, group))]
     if not lacking or all(any(map(_loads, group)) for group in NEEDED["OSMesa"]):
         return None

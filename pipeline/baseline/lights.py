@@ -1,11 +1,13 @@
 """Lights without size in place of those that have one.
 
-    flat            its middle, I = L A along the normal, falling off with the cosine: what a far receiver sees
+    flat            its middle, I = L A along the normal, falling off with the cosine: what a far receiver
+    sees
     sphere          its middle, I = L pi r^2 all around: exact outside it, shadows aside
     other meshes    their middle, I = L A / 4 all around: the mean over directions, if the mesh is convex
     environments    their mean radiance from everywhere; those of one half, the mean over that half
 
-So close to an area light the image is wrong, and where it is partly hidden too: that is the price of this end of the chart.
+So close to an area light the image is wrong, and where it is partly hidden too: that is the price of this end
+of the chart.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ import numpy as np
 from pipeline.baseline.surfaces import View, mean_emission, tessellate
 from pipeline.baseline.task import Array, Lamp
 from pipeline.references.mitsuba.environment import radiance
-from scenes.description import DistantLight, Environment, Light, PointLight, ShapeDescription, Sphere, SpotLight
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.shapes import ShapeDescription, Sphere
 
 FLAT = 1e-6  # of an area: what may be missing of it in the sum of its triangles' area vectors
 DIRECTIONS = 2**14  # to take the mean of an environment over
@@ -34,7 +37,9 @@ def of_shape(shape: ShapeDescription, view: View) -> Iterator[Lamp]:
     middle = view.points((areas[:, None] * corners.mean(axis=1)).sum(axis=0) / total)
     axis = view.vectors(vector)
     if isinstance(shape.geometry, Sphere):
-        yield Lamp("point", emission * np.pi * shape.geometry.radius**2, view.points(shape.geometry.center), _Z)
+        yield Lamp(
+            "point", emission * np.pi * shape.geometry.radius**2, view.points(shape.geometry.center), _Z
+        )
     elif np.linalg.norm(vector) > (1 - FLAT) * total:
         axis /= np.linalg.norm(axis)
         for side in (1.0, -1.0) if shape.emission.two_sided else (1.0,):

@@ -22,7 +22,7 @@ from pipeline.baseline.entry import REMEDY
 from pipeline.baseline.scene import convert
 from pipeline.baseline.task import Array, Task
 from pipeline.baseline.worker import TASKS, result_file
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 PLATFORMS = ("egl", "osmesa")  # OpenGL without a screen, in the order in which they are tried
@@ -35,9 +35,10 @@ _Found = dict[str, NDArray[Any]]
 class Raster:
     """What pyrender drew.
 
-    image: (h, w, 3) linear radiance. depth: (h, w), along the view and in the scene's units, infinite where nothing is.
-    near, far: the depths of the clipping planes, in the same units. seconds, cpu: of drawing and reading back, warm; seconds_convert: of
-    making triangles; seconds_process: this picture's share of the whole process.
+    image: (h, w, 3) linear radiance. depth: (h, w), along the view and in the scene's units, infinite where
+    nothing is. near, far: the depths of the clipping planes, in the same units. seconds, cpu: of drawing and
+    reading back, warm; seconds_convert: of making triangles; seconds_process: this picture's share of the
+    whole process.
     """
 
     image: Array
@@ -52,10 +53,11 @@ class Raster:
 
 
 def rasterise(scenes: Sequence[SceneDescription]) -> list[Raster]:
-    """Draw scenes with a point in place of each area light and without shadows, one sample in the middle of each pixel.
+    """Draw scenes with a point in place of each area light and without shadows, one sample in the middle of
+    each pixel.
 
-    One process draws them all: its start takes a second or two, a picture a few hundredths. PenumbraError where a scene is
-    out of reach, see `scene.refuses`, and where OpenGL does not work here.
+    One process draws them all: its start takes a second or two, a picture a few hundredths. PenumbraError
+    where a scene is out of reach, see `scene.refuses`, and where OpenGL does not work here.
     """
     start = time.perf_counter()
     tasks = tuple(convert(scene) for scene in scenes)
@@ -85,7 +87,9 @@ def versions() -> dict[str, str]:
 
 
 def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:
-    """What the worker wrote of each, and on which platform; PenumbraError with each platform's last words if none works."""
+    """What the worker wrote of each, and on which platform; PenumbraError with each platform's last words if
+    none works.
+    """
     said: list[str] = []
     with tempfile.TemporaryDirectory(prefix="penumbra-pyrender-") as name:
         folder = Path(name)
@@ -118,5 +122,11 @@ def _try(folder: Path, platform: str) -> str | None:
 
 def _environment(platform: str) -> dict[str, str]:
     path = (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", ""))
-    one_thread = {"LP_NUM_THREADS": "0"}  # of Mesa's llvmpipe: times are those of one thread, as all of a run's are
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "PYOPENGL_PLATFORM": platform} | one_thread
+    one_thread = {
+        "LP_NUM_THREADS": "0"
+    }  # of Mesa's llvmpipe: times are those of one thread, as all of a run's are
+    return (
+        os.environ
+        | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "PYOPENGL_PLATFORM": platform}
+        | one_thread
+    )

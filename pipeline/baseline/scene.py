@@ -10,10 +10,13 @@ from pipeline.baseline.lights import ambient, encloses, of_light, of_shape
 from pipeline.baseline.surfaces import View, mean_emission, surface, tessellate
 from pipeline.baseline.task import Array, Task
 from pipeline.references.mitsuba.environment import radiance
-from scenes.description import Environment, PerspectiveCamera, SceneDescription
+from scenes.description.lights import Environment
+from scenes.description.scene import PerspectiveCamera, SceneDescription
 from scenes.errors import SceneError
 
-MOST_LAMPS = 96  # a light of each kind takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or more
+# a light of each kind takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or
+# more
+MOST_LAMPS = 96
 
 
 def refuses(scene: SceneDescription) -> str | None:
@@ -44,7 +47,10 @@ def convert(scene: SceneDescription) -> Task:
     return Task(
         film.width,
         film.height,
-        2 * float(np.arctan(np.tan(np.radians(scene.camera.fov) / 2) * film.height / min(film.width, film.height))),
+        2
+        * float(
+            np.arctan(np.tan(np.radians(scene.camera.fov) / 2) * film.height / min(film.width, film.height))
+        ),
         tuple(surface(shape, view) for shape in scene.shapes),
         tuple(lamps),
         np.sum([np.zeros(3), *(ambient(sky) for sky in skies), *domes], axis=0),
@@ -54,16 +60,19 @@ def convert(scene: SceneDescription) -> Task:
 
 
 def make_view(camera: PerspectiveCamera) -> View:
-    """pbrt's camera as OpenGL's, which looks along its own -z; SceneError for one with shear or unequal scale.
+    """pbrt's camera as OpenGL's, which looks along its own -z; SceneError for one with shear or unequal
+    scale.
 
-    Both have x to the right and y up in the image, so that turning z is all, and the mirroring that this is leaves angles
-    and lengths as they are. A scale of the camera only stretches its rays.
+    Both have x to the right and y up in the image, so that turning z is all, and the mirroring that this is
+    leaves angles and lengths as they are. A scale of the camera only stretches its rays.
     """
     axes = camera.camera_to_world[:3, :3].T
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)
     axes = axes / lengths
     if np.ptp(lengths) > 1e-6 * lengths.max() or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
-        raise SceneError("the camera's transformation has shear or unequal scale, which OpenGL's camera cannot have")
+        raise SceneError(
+            "the camera's transformation has shear or unequal scale, which OpenGL's camera cannot have"
+        )
     return View(camera.camera_to_world[:3, 3], axes * np.array([[1.0], [1.0], [-1.0]]))
 
 

@@ -9,21 +9,9 @@ import numpy as np
 import trimesh
 
 from pipeline.baseline.task import Array, Surface
-from scenes.description import (
-    BilinearMesh,
-    Checkerboard,
-    Conductor,
-    Disk,
-    Emission,
-    Geometry,
-    ImageTexture,
-    Material,
-    Mix,
-    Product,
-    ShapeDescription,
-    Sphere,
-    Texture,
-)
+from scenes.description.materials import Conductor, Material
+from scenes.description.shapes import BilinearMesh, Disk, Emission, Geometry, ShapeDescription, Sphere
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture
 
 SUBDIVISIONS = 5  # of an icosahedron: 20,480 triangles
 SPHERE_SAG = 3e-4  # of the radius: the most that such a triangle lies below its sphere (measured, 2.85e-4)
@@ -32,7 +20,9 @@ SEGMENTS = 512  # of a disk's edge
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """From world space into that of an OpenGL camera. origin: (3,); axes: (3, 3), its rows right, up and backwards, unit."""
+    """From world space into that of an OpenGL camera. origin: (3,); axes: (3, 3), its rows right, up and
+    backwards, unit.
+    """
 
     origin: Array
     axes: Array
@@ -102,7 +92,9 @@ def _sphere() -> Array:
 
 def mean_emission(emission: Emission) -> Array:
     """(3,) the mean radiance over the shape."""
-    return emission.radiance if emission.image is None else emission.radiance * emission.image.mean(axis=(0, 1))
+    return (
+        emission.radiance if emission.image is None else emission.radiance * emission.image.mean(axis=(0, 1))
+    )
 
 
 def _color(material: Material) -> tuple[Array, float | None]:
@@ -114,7 +106,9 @@ def _color(material: Material) -> tuple[Array, float | None]:
 
 
 def _mean(texture: Texture) -> Array:
-    """(3,) the mean of a texture: exact for one image or checkerboard, and where what is multiplied does not vary together."""
+    """(3,) the mean of a texture: exact for one image or checkerboard, and where what is multiplied does not
+    vary together.
+    """
     match texture:
         case ImageTexture():
             return texture.value(texture.image).mean(axis=(0, 1))

@@ -1,7 +1,7 @@
 """What the worker is given: plain dataclasses and arrays, in the space of an OpenGL camera.
 
-That space has the camera at its origin, x to the right, y up and the view along -z, and the farthest corner in view at depth 1,
-so that float32 serves the camera rather than some far origin.
+That space has the camera at its origin, x to the right, y up and the view along -z, and the farthest corner
+in view at depth 1, so that float32 serves the camera rather than some far origin.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A shape as triangles. positions, normals: (3 t, 3), three corners a triangle, normals unit and outwards.
+    """A shape as triangles. positions, normals: (3 t, 3), three corners a triangle, normals unit and
+    outwards.
 
-    color: (3,) albedo, or a metal's reflectance at normal incidence. emission: (3,), W/(m^2 sr). roughness: alpha of a metal; None: diffuse.
+    color: (3,) albedo, or a metal's reflectance at normal incidence. emission: (3,), W/(m^2 sr). roughness:
+    alpha of a metal; None: diffuse.
     """
 
     positions: Array
@@ -31,10 +33,11 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """A light without size. kind: "point", "spot", "flat" (a point that falls off with the cosine to its axis) or "distant".
+    """A light without size. kind: "point", "spot", "flat" (a point that falls off with the cosine to its
+    axis) or "distant".
 
-    power: (3,), W/sr, along the axis; of a distant one W/m^2. position: (3,). axis: (3,), unit, the way it shines.
-    falloff, cone: of a spot, radians.
+    power: (3,), W/sr, along the axis; of a distant one W/m^2. position: (3,). axis: (3,), unit, the way it
+    shines. falloff, cone: of a spot, radians.
     """
 
     kind: str
@@ -47,7 +50,8 @@ class Lamp:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """An image to rasterise. ambient: (3,), the radiance that comes from all around; background: (h, w, 3), what is seen where nothing is.
+    """An image to rasterise. ambient: (3,), the radiance that comes from all around; background: (h, w, 3),
+    what is seen where nothing is.
 
     yfov: radians over the height. unit: the scene's units in one of the task's.
     """

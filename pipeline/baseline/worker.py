@@ -2,12 +2,14 @@
 # pyright: reportUnknownArgumentType=false, reportPrivateUsage=false, reportMissingImports=false
 """Rasterises tasks with pyrender, in a process of its own: `python -m pipeline.baseline.worker FOLDER`.
 
-The only import of pyrender and PyOpenGL: which library PyOpenGL loads is told by an environment variable at its import, and
-an OpenGL context belongs to a thread. FOLDER holds tasks.pickle and gets one file for each of them.
+The only import of pyrender and PyOpenGL: which library PyOpenGL loads is told by an environment variable at
+its import, and an OpenGL context belongs to a thread. FOLDER holds tasks.pickle and gets one file for each of
+them.
 
-pyrender brings the scene to the graphics library, and draws it. Three things of its own are put aside, because they would be
-errors in the measurement: its shader (see shaders/mesh.frag); its framebuffer of 8 bits and four samples a pixel, in whose place come
-32-bit floats, one sample at the middle of each pixel; and its limit of 4 lights of a kind.
+pyrender brings the scene to the graphics library, and draws it. Three things of its own are put aside,
+because they would be errors in the measurement: its shader (see shaders/mesh.frag); its framebuffer of 8 bits
+and four samples a pixel, in whose place come 32-bit floats, one sample at the middle of each pixel; and its
+limit of 4 lights of a kind.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from pipeline.baseline.task import Array, Lamp, Surface, Task
 TASKS = "tasks.pickle"
 NEAREST = 1e-5  # of the farthest depth: what is nearer is cut off
 MARGIN = 0.5  # the near plane of the image, of the least depth that was seen with the plane at NEAREST
-FARTHEST = 2.0  # the far plane, of the farthest corner: that corner's depth in the buffer is then 5e-6 below 1 at worst, and 1 is nothing
+# the far plane, of the farthest corner: that corner's depth in the buffer is then 5e-6 below 1 at worst, and
+# 1 is nothing
+FARTHEST = 2.0
 REPEATS = 5  # timed draws, of which the median tells the time
 SHADERS = Path(__file__).parent / "shaders"
 
@@ -67,7 +71,8 @@ class _Canvas:
     """A task's scene as pyrender's, its context and its framebuffer."""
 
     def __init__(self, task: Task) -> None:
-        # pyrender's window comes with its package, and wants X11 and a screen's OpenGL, which nothing here opens.
+        # pyrender's window comes with its package, and wants X11 and a screen's OpenGL, which nothing here
+        # opens.
         sys.modules["pyrender.viewer"] = _no_viewer()
         import pyrender
         import pyrender.renderer
@@ -82,7 +87,9 @@ class _Canvas:
         self.renderer._main_fb, self.renderer._main_fb_ms = self._framebuffer(), self._framebuffer()
         self.renderer._main_fb_dims = self.size
         self.flags = pyrender.RenderFlags.OFFSCREEN
-        self.camera = pyrender.PerspectiveCamera(task.yfov, aspectRatio=task.width / task.height, zfar=FARTHEST)
+        self.camera = pyrender.PerspectiveCamera(
+            task.yfov, aspectRatio=task.width / task.height, zfar=FARTHEST
+        )
         self.scene = _scene(pyrender, task, self.camera)
         self.device = str(GL.glGetString(GL.GL_RENDERER), "utf-8")  # pyright: ignore[reportArgumentType]
 

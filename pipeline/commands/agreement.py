@@ -22,7 +22,8 @@ NONE = "none"
 def agreement(
     scene: SceneName,
     estimator: Annotated[
-        list[str] | None, typer.Option(help="One to compare; may be repeated. All that are unbiased, if not given.")
+        list[str] | None,
+        typer.Option(help="One to compare; may be repeated. All that are unbiased, if not given."),
     ] = None,
     spp: Annotated[int, typer.Option(help="Samples a pixel of each estimator, 16 at least.")] = 64,
     seed: Annotated[int, typer.Option(help="0 or more.")] = 0,
@@ -30,7 +31,8 @@ def agreement(
     backend: Annotated[
         str | None,
         typer.Option(
-            "--reference", help=f"See `penumbra list backends`; or {NONE}. Mitsuba where it can, if not given."
+            "--reference",
+            help=f"See `penumbra list backends`; or {NONE}. Mitsuba where it can, if not given.",
         ),
     ] = None,
     reference_spp: Annotated[int, typer.Option(help="Samples a pixel of the reference.")] = 1024,
@@ -82,7 +84,9 @@ def agreement(
 def _reference(
     scene: SceneDescription, asked: str | None, spp: int, cache: Path | None, speaker: Speaker
 ) -> tuple[str, ReferenceImage] | None:
-    """The reference; None with a note where Mitsuba was not asked for and cannot make one: the estimators have each other."""
+    """The reference; None with a note where Mitsuba was not asked for and cannot make one: the estimators
+    have each other.
+    """
     from pipeline.backends import BACKENDS
     from pipeline.commands.reference import default_cache
     from pipeline.references.cache import reference_for
@@ -108,7 +112,9 @@ def _tell(speaker: Speaker, found: Agreement) -> None:
         (m.name, m.verdict, "-" if m.verdict == "refused" else f"{m.mean:.6g} +- {m.se:.2g}", m.reason)
         for m in found.members
     ]
-    speaker.table(("estimator", "samples", "image mean +- se", "why"), members, f"{found.scene}, {found.spp} spp")
+    speaker.table(
+        ("estimator", "samples", "image mean +- se", "why"), members, f"{found.scene}, {found.spp} spp"
+    )
     pairs = [
         (
             p.a,

@@ -1,4 +1,6 @@
-"""`penumbra baseline`: the scene rasterised by pyrender, the cheap end of every chart of error against time."""
+"""`penumbra baseline`: the scene rasterised by pyrender, the cheap end of every chart of error against
+time.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,11 @@ def baseline(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Rasterise a scene: a point in place of each area light, no shadows, one sample in the middle of each pixel.
+    """Rasterise a scene: a point in place of each area light, no shadows, one sample in the middle of each
+    pixel.
 
-    An EXR has the linear image and its depth along the view (channel Z, infinite where nothing is). The image is biased by
-    what it leaves out: compare it with a reference to see what that costs.
+    An EXR has the linear image and its depth along the view (channel Z, infinite where nothing is). The image
+    is biased by what it leaves out: compare it with a reference to see what that costs.
 
     Examples:
 
@@ -44,7 +47,8 @@ def baseline(
     height, width = drawn.depth.shape
     device = drawn.provenance["device"]
     speaker.line(
-        f"{target}: {width} x {height} by pyrender on {device}; {drawn.seconds:.4f} s drawn, {drawn.seconds_process:.1f} s with its start"
+        f"{target}: {width} x {height} by pyrender on {device}; {drawn.seconds:.4f} s drawn, "
+        f"{drawn.seconds_process:.1f} s with its start"
     )
     speaker.line(BIAS)
     speaker.json(

@@ -17,7 +17,9 @@ POINT, FACES = 29, 42
 
 
 def benchmark(
-    megabytes: Annotated[float, typer.Option(help="Size of the scene, a mesh of random triangles.", min=0.1)] = 20.0,
+    megabytes: Annotated[
+        float, typer.Option(help="Size of the scene, a mesh of random triangles.", min=0.1)
+    ] = 20.0,
     rounds: Annotated[int, typer.Option(help="Times to read it; the best counts.", min=1)] = 3,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -25,7 +25,10 @@ def compare(
         Path | None,
         typer.Option(
             metavar="V.exr",
-            help="Variance of the mean of B, as R G B or variance.R ...; taken instead of what B itself may carry.",
+            help=(
+                "Variance of the mean of B, as R G B or variance.R ...; taken instead of what B itself "
+                "may carry."
+            ),
         ),
     ] = None,
     metric: Annotated[
@@ -42,7 +45,8 @@ def compare(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Score image A against reference B, any two EXR of one size, each score with its 95 % interval where it has one.
+    """Score image A against reference B, any two EXR of one size, each score with its 95 % interval where it
+    has one.
 
     Without the reference's variance B is taken as exact, and its noise counts as A's error.
 
@@ -87,14 +91,17 @@ def compare(
     )
     for name in worse:
         speaker.note(
-            f"{name}: {_cells(scores[name], entries[name].better)[0]} is worse than the limit {limits[name]:g}"
+            f"{name}: {_cells(scores[name], entries[name].better)[0]} is worse than the limit "
+            f"{limits[name]:g}"
         )
     if worse:
         raise typer.Exit(1)
 
 
 def _warnings(image: Path, truth: Path) -> list[str]:
-    """What the files themselves say against comparing them: another scene, or samples that cannot be trusted."""
+    """What the files themselves say against comparing them: another scene, or samples that cannot be
+    trusted.
+    """
     from scenes.images.exr import read_exr
 
     known = [read_exr(path).metadata if path.suffix == ".exr" else {} for path in (image, truth)]
@@ -130,16 +137,24 @@ def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
 
     if variance is not None:
         mean = read_rgb(path)
-        return Reference(mean, _variance(variance, mean), UNKNOWN_BATCHES), f"its variance is taken from {variance}"
+        return Reference(
+            mean, _variance(variance, mean), UNKNOWN_BATCHES
+        ), f"its variance is taken from {variance}"
     if "variance.R" not in read_exr(path).channels:
         mean = read_rgb(path)
         return Reference(mean, np.zeros_like(mean), 0), "carries no variance, so that it is taken as exact"
     stored = read_estimate_exr(path)
     samples = int(stored.count.min())
     if stored.metadata.get("independent") == "False" or not np.isfinite(stored.variance).all():
-        return Reference(stored.mean, np.zeros_like(stored.mean), 0), "does not know its variance; taken as exact"
+        return Reference(
+            stored.mean, np.zeros_like(stored.mean), 0
+        ), "does not know its variance; taken as exact"
     batches = int(stored.metadata.get("batches", samples))
-    known = f"{samples} spp, variance from {batches} batches" if batches else "deterministic, with a bound on its error"
+    known = (
+        f"{samples} spp, variance from {batches} batches"
+        if batches
+        else "deterministic, with a bound on its error"
+    )
     return Reference(stored.mean, stored.variance, batches), known
 
 

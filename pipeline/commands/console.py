@@ -11,7 +11,14 @@ from typing import Any, cast
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from pipeline.progress import Amount, Update
@@ -20,7 +27,10 @@ PIPE_WIDTH = 160  # columns where nobody's terminal says how many: long enough f
 
 
 class Speaker:
-    """The two streams of one command. Rich leaves colours out where NO_COLOR is set or the stream is no terminal."""
+    """The two streams of one command.
+
+    Rich leaves colours out where NO_COLOR is set or the stream is no terminal.
+    """
 
     def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json = as_json

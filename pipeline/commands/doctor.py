@@ -10,9 +10,11 @@ from pipeline.commands.options import AsJson, Quiet
 
 
 def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Try Mitsuba's variants with their LLVM, Embree, images, EGL, pyrender and a browser, and say what to do about each failure.
+    """Try Mitsuba's variants with their LLVM, Embree, images, EGL, pyrender and a browser, and say what to do
+    about each failure.
 
-    Exits with 1 if a part fails that a run needs; a run without EGL and pyrender leaves its baseline out, and a browser serves tests only.
+    Exits with 1 if a part fails that a run needs; a run without EGL and pyrender leaves its baseline out, and
+    a browser serves tests only.
 
     Examples:
 

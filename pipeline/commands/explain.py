@@ -1,4 +1,6 @@
-"""`penumbra explain`: what the renderer simulates for a scene, what it leaves out, why, and what that saves."""
+"""`penumbra explain`: what the renderer simulates for a scene, what it leaves out, why, and what that
+saves.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +31,11 @@ def explain(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Show each effect, whether this scene calls for it, and why; measured: the CPU time with and without the pruning.
+    """Show each effect, whether this scene calls for it, and why; measured: the CPU time with and without the
+    pruning.
 
-    What is left out is provably nothing: --measure also checks that the image is the same bit for bit, else exits with 1.
+    What is left out is provably nothing: --measure also checks that the image is the same bit for bit, else
+    exits with 1.
 
     Examples:
 
@@ -65,13 +69,19 @@ def explain(
 def _measure(
     built: RenderScene, prunings: list[str], estimator: str, spp: int, speaker: Speaker
 ) -> dict[str, dict[str, Any]]:
-    """Median CPU seconds of the passes with every pruning, and with one of them (or all) not made; rounds are interleaved."""
+    """Median CPU seconds of the passes with every pruning, and with one of them (or all) not made; rounds are
+    interleaved.
+    """
     import numpy as np
 
     from renderer import render
     from renderer.plan.plan import PRUNINGS
 
-    variants = {"": frozenset[str](), **{name: frozenset({name}) for name in prunings}, ALL: frozenset(PRUNINGS)}
+    variants = {
+        "": frozenset[str](),
+        **{name: frozenset({name}) for name in prunings},
+        ALL: frozenset(PRUNINGS),
+    }
     seconds: dict[str, list[float]] = {name: [] for name in variants}
     images: dict[str, Any] = {}
     with speaker.step("measure", (ROUNDS + 1) * len(variants)) as update:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from scenes.description import SceneDescription
+    from scenes.description.scene import SceneDescription
 
 
 class Target(StrEnum):
@@ -60,7 +60,8 @@ def export(
     text, images, meshes, notes = _exported(loaded, to, output.stem if output else "scene")
     if output is None and (images or meshes):
         raise PenumbraError(
-            f"scene {loaded.name}: its meshes and images go into files beside the text: give an output file, -o FILE"
+            f"scene {loaded.name}: its meshes and images go into files beside the text: give an output "
+            "file, -o FILE"
         )
     if output is None:
         sys.stdout.write(text)
@@ -85,7 +86,9 @@ def _exported(
     return exported.text, exported.images, {}, exported.notes
 
 
-def _write(output: Path, text: str, images: Mapping[str, NDArray[np.float64]], meshes: Mapping[str, bytes]) -> None:
+def _write(
+    output: Path, text: str, images: Mapping[str, NDArray[np.float64]], meshes: Mapping[str, bytes]
+) -> None:
     """All files under other names first: they take their own when every one is whole, the text last."""
     from scenes.errors import PenumbraError
     from scenes.images.exr import replacing, write_exr

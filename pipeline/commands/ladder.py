@@ -1,4 +1,6 @@
-"""`penumbra ladder`: what each estimator makes of a light that comes down on a surface, against a closed form."""
+"""`penumbra ladder`: what each estimator makes of a light that comes down on a surface, against a closed
+form.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,16 @@ from pipeline.commands.options import AsJson, Quiet
 
 
 def ladder(
-    light: Annotated[str | None, typer.Option(help="One light only: rectangle, disk, sphere or triangle.")] = None,
+    light: Annotated[
+        str | None, typer.Option(help="One light only: rectangle, disk, sphere or triangle.")
+    ] = None,
     samples: Annotated[int, typer.Option(help="Samples of each rung.")] = 2**15,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print the contact ladder: mean, error and verdict of each estimator, from the light's size down to 1e-8 of it.
+    """Print the contact ladder: mean, error and verdict of each estimator, from the light's size down to 1e-8
+    of it.
 
     Examples:
 

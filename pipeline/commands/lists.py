@@ -33,7 +33,9 @@ def list_names(
     rows = _rows(kind)
     speaker.json(rows)
     if kind == "scenes":
-        cells = [(row["name"], row["title"], "\n".join(_parameter(p) for p in row["parameters"])) for row in rows]
+        cells = [
+            (row["name"], row["title"], "\n".join(_parameter(p) for p in row["parameters"])) for row in rows
+        ]
         speaker.table(("scene", "what it is", "parameters: -D name=value"), cells)
     else:
         headings = list(rows[0])
@@ -97,7 +99,13 @@ def _metrics() -> list[Row]:
     from pipeline.scoring.metric import METRICS
 
     return [
-        {"name": name, "title": metric.title, "unit": metric.unit, "better": metric.better, "source": metric.source}
+        {
+            "name": name,
+            "title": metric.title,
+            "unit": metric.unit,
+            "better": metric.better,
+            "source": metric.source,
+        }
         for name, metric in METRICS.items()
     ]
 

@@ -11,11 +11,15 @@ import typer
 
 SceneName = Annotated[
     str,
-    typer.Argument(metavar="SCENE", help="A library name (see `penumbra list scenes`) or the path of a .pbrt file."),
+    typer.Argument(
+        metavar="SCENE", help="A library name (see `penumbra list scenes`) or the path of a .pbrt file."
+    ),
 ]
 Define = Annotated[
     list[str] | None,
-    typer.Option("-D", "--define", metavar="NAME=VALUE", help="Set a parameter of the scene; may be repeated."),
+    typer.Option(
+        "-D", "--define", metavar="NAME=VALUE", help="Set a parameter of the scene; may be repeated."
+    ),
 ]
 Output = Annotated[
     Path, typer.Option("-o", "--output", metavar="FILE", help="Where to write: .exr, or .png to look at.")

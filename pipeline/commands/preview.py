@@ -21,11 +21,13 @@ def preview(
     pixel: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y", help="The pixel whose samples are shown, from the top left; the middle if not given."
+            metavar="X,Y",
+            help="The pixel whose samples are shown, from the top left; the middle if not given.",
         ),
     ] = None,
     estimator: Annotated[
-        str | None, typer.Option(help="See `penumbra list estimators`; the scene's if not given, or else mis.")
+        str | None,
+        typer.Option(help="See `penumbra list estimators`; the scene's if not given, or else mis."),
     ] = None,
     sampler: Annotated[str, typer.Option(help="See `penumbra list samplers`.")] = "independent",
     spp: Annotated[int, typer.Option(help="Samples of the pixel that are shown.")] = 32,
@@ -34,9 +36,11 @@ def preview(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw geometry, camera and lights from outside, with the shadow rays of one pixel coloured by what became of them.
+    """Draw geometry, camera and lights from outside, with the shadow rays of one pixel coloured by what
+    became of them.
 
-    The camera's frustum ends in a screen with the image that it sees. Needs OpenGL off screen (see `penumbra doctor`), no display.
+    The camera's frustum ends in a screen with the image that it sees. Needs OpenGL off screen (see `penumbra
+    doctor`), no display.
 
     Examples:
 
@@ -64,7 +68,9 @@ def preview(
     with speaker.step(f"preview {scene}", 3) as update:
         built = build(description)
         low, high = extent_of(built)
-        tried = try_pixel(built, chosen, place, spp, seed, 0.5 * float(((high - low) ** 2).sum() ** 0.5), sampler)
+        tried = try_pixel(
+            built, chosen, place, spp, seed, 0.5 * float(((high - low) ** 2).sum() ** 0.5), sampler
+        )
         update(1)
         view = look(built, place, tried, chosen)
         update(2)
@@ -88,7 +94,10 @@ def _pixel(text: str | None, scene: SceneDescription) -> tuple[int, int]:
 
 def _title(scene: str, pixel: tuple[int, int], estimator: str, spp: int, tried: Tried) -> str:
     rays = "one camera ray" if spp == 1 else f"{spp} camera rays"
-    return f"{Path(scene).stem}: {rays} through pixel {pixel[0]},{pixel[1]}, estimator {estimator}, {len(tried.state)} samples"
+    return (
+        f"{Path(scene).stem}: {rays} through pixel {pixel[0]},{pixel[1]}, estimator {estimator}, "
+        f"{len(tried.state)} samples"
+    )
 
 
 def _counts(tried: Tried) -> dict[str, int]:
@@ -101,4 +110,7 @@ def _outcome(tried: Tried) -> str:
     found = _counts(tried)
     if not len(tried.state):
         return "which sees no surface that light could be sampled for"
-    return f"{len(tried.state)} samples: {found['arrive']} arrive, {found['hidden']} hidden, {found['of_no_use']} of no use"
+    return (
+        f"{len(tried.state)} samples: {found['arrive']} arrive, {found['hidden']} hidden, "
+        f"{found['of_no_use']} of no use"
+    )

@@ -32,7 +32,10 @@ def reference(
     target_se: Annotated[
         float | None,
         typer.Option(
-            help="Go on until pixels have this relative standard error: the median, and the 99th percentile at most 10 times it."
+            help=(
+                "Go on until pixels have this relative standard error: the median, and the 99th "
+                "percentile at most 10 times it."
+            )
         ),
     ] = None,
     batches: Annotated[
@@ -41,7 +44,8 @@ def reference(
     seed: Annotated[int, typer.Option(help="0 or more.")] = 0,
     backend: Annotated[str, typer.Option(help="See `penumbra list backends`.")] = "mitsuba",
     quantity: Annotated[
-        str | None, typer.Option(help="radiance or ambient-occlusion; what the scene's integrator makes, if not given.")
+        str | None,
+        typer.Option(help="radiance or ambient-occlusion; what the scene's integrator makes, if not given."),
     ] = None,
     cache: Annotated[
         Path | None,
@@ -53,7 +57,8 @@ def reference(
 ) -> None:
     """Make a reference image with the variance of its mean, or add samples to the one there is.
 
-    It can be stopped at any moment: the same command goes on from there, and asking for more later adds to it.
+    It can be stopped at any moment: the same command goes on from there, and asking for more later adds to
+    it.
 
     Examples:
 
@@ -152,11 +157,14 @@ def _tell(speaker: Speaker, stored: StoredReference, request: ReferenceRequest, 
     how = f"{image.spp} spp in {image.batches} batches" if sampled else "no samples"
     drawn = f"{image.spp - stored.kept} of them new" if stored.fresh else "all of them kept"
     took = f", {drawn}" if sampled else "" if stored.fresh else ", kept"
-    speaker.line(f"{stored.path}: {stored.backend}, {request.quantity}, {how}{took}, {image.seconds:.1f} s in all")
+    speaker.line(
+        f"{stored.path}: {stored.backend}, {request.quantity}, {how}{took}, {image.seconds:.1f} s in all"
+    )
     what = "standard error" if sampled else "error bound"
     goal = "" if request.target is None else f" (target {request.target:g} and {TAIL * request.target:g})"
     speaker.line(
-        f"relative {what}: median {found.median:.2g}, 99th percentile {found.p99:.2g} of pixels{goal}; rms {error:.3g} absolute"
+        f"relative {what}: median {found.median:.2g}, 99th percentile {found.p99:.2g} of pixels{goal}; rms "
+        f"{error:.3g} absolute"
     )
     if stored.backend == "self":
         speaker.line("made by the renderer's own estimator: no independent check of it")

@@ -21,14 +21,19 @@ def render(
     scene: SceneName,
     output: Output,
     estimator: Annotated[
-        str | None, typer.Option(help="See `penumbra list estimators`; the scene's if not given, or else mis.")
+        str | None,
+        typer.Option(help="See `penumbra list estimators`; the scene's if not given, or else mis."),
     ] = None,
-    sampler: Annotated[str | None, typer.Option(help="See `penumbra list samplers`; the scene's if not given.")] = None,
+    sampler: Annotated[
+        str | None, typer.Option(help="See `penumbra list samplers`; the scene's if not given.")
+    ] = None,
     spp: Annotated[int | None, typer.Option(help="Samples a pixel; the scene's if not given.")] = None,
     seed: Annotated[int | None, typer.Option(help="0 or more; the scene's if not given.")] = None,
     define: Define = None,
     threads: Annotated[int, typer.Option(help="Threads; the image is the same for any number.")] = 1,
-    prune: Annotated[bool, typer.Option(help="Leave out what the scene does not call for (see `explain`).")] = True,
+    prune: Annotated[
+        bool, typer.Option(help="Leave out what the scene does not call for (see `explain`).")
+    ] = True,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -65,7 +70,12 @@ def render(
             progress=update,
         )
     job = Job(
-        scene=scene, parameters=dict(description.parameters), estimator=estimator, sampler=sampler, spp=spp, seed=seed
+        scene=scene,
+        parameters=dict(description.parameters),
+        estimator=estimator,
+        sampler=sampler,
+        spp=spp,
+        seed=seed,
     )
     _write(target, job, description.content_hash(), result)
     _tell(speaker, target, job, result)
@@ -90,7 +100,9 @@ def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> Non
 
 
 def _independent(job: Job) -> bool:
-    """Whether the variance is that of the mean: low-discrepancy samples have a smaller one, which they do not tell."""
+    """Whether the variance is that of the mean: low-discrepancy samples have a smaller one, which they do not
+    tell.
+    """
     from renderer.interfaces.sampler import SAMPLERS
 
     return SAMPLERS[job.sampler].independent
@@ -102,8 +114,9 @@ def _tell(speaker: Speaker, target: Path, job: Job, result: RenderResult) -> Non
     found = statistics(result)
     seconds = result.seconds
     speaker.line(
-        f"{target}: {result.image.shape[1]} x {result.image.shape[0]}, {job.estimator}, {job.sampler}, {job.spp} spp, "
-        f"seed {job.seed}; {seconds.render:.3f} s, {result.rays.primary:,} primary and {result.rays.shadow:,} shadow rays"
+        f"{target}: {result.image.shape[1]} x {result.image.shape[0]}, {job.estimator}, {job.sampler}, "
+        f"{job.spp} spp, seed {job.seed}; {seconds.render:.3f} s, {result.rays.primary:,} primary and "
+        f"{result.rays.shadow:,} shadow rays"
     )
     noise = f"noise {found.noise:.3g} (rms standard error of independent samples); " if job.spp > 1 else ""
     speaker.line(f"{noise}samples {found.verdict}: {found.reason}")
@@ -112,7 +125,12 @@ def _tell(speaker: Speaker, target: Path, job: Job, result: RenderResult) -> Non
             "output": str(target),
             "job": job.model_dump(),
             "mean": result.image.mean(axis=(0, 1)).tolist(),
-            "seconds": {"build": seconds.build, "plan": seconds.plan, "render": seconds.render, "cpu": seconds.cpu},
+            "seconds": {
+                "build": seconds.build,
+                "plan": seconds.plan,
+                "render": seconds.render,
+                "cpu": seconds.cpu,
+            },
             "rays": {"primary": result.rays.primary, "shadow": result.rays.shadow},
             "statistics": found.model_dump(),
             "plan": [item.model_dump() for item in decisions(result)],

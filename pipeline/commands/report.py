@@ -13,7 +13,8 @@ from pipeline.commands.options import AsJson, Quiet
 def report(
     run: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run, finished or not.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Where to write; DIR/report if not given.")
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", help="Where to write; DIR/report if not given."),
     ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -21,14 +21,18 @@ DEMO = "demo"
 Workers = Annotated[
     int | None,
     typer.Option(
-        "--workers", "-w", metavar="N", help="Worker processes of one thread each; as many as cores if not given."
+        "--workers",
+        "-w",
+        metavar="N",
+        help="Worker processes of one thread each; as many as cores if not given.",
     ),
 ]
 
 
 def run(
     sweep: Annotated[
-        str, typer.Argument(metavar="SWEEP", help="A built-in sweep (`penumbra list sweeps`) or a .toml file.")
+        str,
+        typer.Argument(metavar="SWEEP", help="A built-in sweep (`penumbra list sweeps`) or a .toml file."),
     ],
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the run; an unfinished run goes on.")
@@ -57,12 +61,15 @@ def run(
 
 
 def demo(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the run.")] = Path("runs/demo"),
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the run.")] = Path(
+        "runs/demo"
+    ),
     workers: Workers = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """The main job: run the sweep `demo`, score it and write its report. A second time it finds everything done.
+    """The main job: run the sweep `demo`, score it and write its report. A second time it finds everything
+    done.
 
     Examples:
 

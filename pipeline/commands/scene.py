@@ -13,7 +13,8 @@ if TYPE_CHECKING:  # not at the start: `penumbra --help` must not wait for rich 
 
 
 def open_scene(name: str, define: Sequence[str] | None, speaker: Speaker) -> SceneDescription:
-    """A scene with its parameters set by `-D`; where its picture is not the one that pbrt makes, a note on stderr says so.
+    """A scene with its parameters set by `-D`; where its picture is not the one that pbrt makes, a note on
+    stderr says so.
 
     PenumbraError as `scenes.load` raises it.
     """

@@ -26,30 +26,41 @@ def verify(
     scene: SceneName,
     estimator: Annotated[str, typer.Option(help="See `penumbra list estimators`.")],
     define: Define = None,
-    sampler: Annotated[str, typer.Option(help="Others than independent are rendered 32 times over.")] = "independent",
+    sampler: Annotated[
+        str, typer.Option(help="Others than independent are rendered 32 times over.")
+    ] = "independent",
     spp: Annotated[int, typer.Option(help="Samples a pixel.")] = 64,
     seed: Annotated[int, typer.Option(help="0 or more; the reference has its own.")] = 1,
     alpha: Annotated[float, typer.Option(help="Chance of a false alarm, all tests together.")] = 1e-3,
     bias: Annotated[
-        float, typer.Option(help="Share of the image mean that must have been caught for a verdict of unbiased.")
+        float,
+        typer.Option(help="Share of the image mean that must have been caught for a verdict of unbiased."),
     ] = 0.01,
-    correction: Annotated[str, typer.Option(help="Of the single pixels: sidak or bh (Benjamini-Hochberg).")] = "sidak",
-    reference: Annotated[str, typer.Option(metavar="BACKEND", help="See `penumbra list backends`.")] = "mitsuba",
+    correction: Annotated[
+        str, typer.Option(help="Of the single pixels: sidak or bh (Benjamini-Hochberg).")
+    ] = "sidak",
+    reference: Annotated[
+        str, typer.Option(metavar="BACKEND", help="See `penumbra list backends`.")
+    ] = "mitsuba",
     reference_spp: Annotated[
-        int | None, typer.Option(help="Samples a pixel of the reference; 16 times those of the render if not given.")
+        int | None,
+        typer.Option(help="Samples a pixel of the reference; 16 times those of the render if not given."),
     ] = None,
     cache: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
     ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 unless the verdict is unbiased.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 1 unless the verdict is unbiased.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Test an estimator against a reference: image mean, a grid, regions of the picture, single pixels.
 
-    The verdict is unbiased, biased (exit code 1), untrustworthy (its samples have no standard error to test by) or inconclusive (too
-    few samples: see --bias). Each test says the smallest bias of the whole image that it would have caught.
+    The verdict is unbiased, biased (exit code 1), untrustworthy (its samples have no standard error to test
+    by) or inconclusive (too few samples: see --bias). Each test says the smallest bias of the whole image
+    that it would have caught.
 
     Examples:
 
@@ -115,7 +126,9 @@ def _tell(speaker: Speaker, scene: str, trial: Trial, found: Verification, store
         )
         for test in tests
     ]
-    speaker.table(("test", "comparisons", "p", "worst difference", "bias it would have caught", "result"), rows)
+    speaker.table(
+        ("test", "comparisons", "p", "worst difference", "bias it would have caught", "result"), rows
+    )
     speaker.line(f"{scene}, {trial.estimator}: {found.verdict}: {found.reason}")
     image = stored.image
     speaker.json(

@@ -25,10 +25,12 @@ def width(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure the penumbra's width, from 5 % to 95 % of the light seen, in each image of a run and in its reference.
+    """Measure the penumbra's width, from 5 % to 95 % of the light seen, in each image of a run and in its
+    reference.
 
-    For scenes that the reference closed-form-edge takes: a straight edge before a flat light over a floor. Lengths are those on the
-    floor, in scene units; `triangles` is the whole penumbra by similar triangles, a little more than 1/0.9 of the exact width.
+    For scenes that the reference closed-form-edge takes: a straight edge before a flat light over a floor.
+    Lengths are those on the floor, in scene units; `triangles` is the whole penumbra by similar triangles, a
+    little more than 1/0.9 of the exact width.
 
     Examples:
 
@@ -50,13 +52,26 @@ def width(
         for number, (setting, seeds) in enumerate(groups.items(), start=1):
             rows.append(_row(run, setting, list(seeds.values())))
             update(number)
-    columns = ("scene", "estimator", "sampler", "spp", "images", "width (95 %)", "reference", "exact", "triangles", "")
+    columns = (
+        "scene",
+        "estimator",
+        "sampler",
+        "spp",
+        "images",
+        "width (95 %)",
+        "reference",
+        "exact",
+        "triangles",
+        "",
+    )
     speaker.table(columns, [_cells(row) for row in rows])
     speaker.json(rows)
 
 
 def _setting(job: Job) -> Setting:
-    shown = {name: value for name, value in job.parameters.items() if name not in ("xresolution", "yresolution")}
+    shown = {
+        name: value for name, value in job.parameters.items() if name not in ("xresolution", "yresolution")
+    }
     name = " ".join([job.scene, *(f"{name}={value:g}" for name, value in shown.items())])
     return name, job.estimator, job.sampler, job.spp
 
@@ -67,7 +82,9 @@ def _row(root: Path, setting: Setting, cells: Sequence[FinishedCell]) -> dict[st
 
     widths = [_width(root, cell, cell.record.image) for cell in cells]
     scored = [cell for cell in cells if cell.card is not None and cell.card.reference.image]
-    reference = next((_width(root, cell, cell.card.reference.image).measured for cell in scored if cell.card), None)
+    reference = next(
+        (_width(root, cell, cell.card.reference.image).measured for cell in scored if cell.card), None
+    )
     found = replicate_interval([item.measured for item in widths])
     name, estimator, sampler, spp = setting
     return {
@@ -85,7 +102,9 @@ def _row(root: Path, setting: Setting, cells: Sequence[FinishedCell]) -> dict[st
 
 
 def _width(root: Path, cell: FinishedCell, image: str) -> Width:
-    """The width in one image of the run; PenumbraError where the scene is another now, or is no straight edge."""
+    """The width in one image of the run; PenumbraError where the scene is another now, or is no straight
+    edge.
+    """
     from pipeline.studies.penumbra_width import width_of
     from scenes import load
     from scenes.errors import PenumbraError, SceneError

@@ -7,7 +7,17 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.metric import (
+    METRICS,
+    Better,
+    Estimate,
+    Image,
+    Judges,
+    Mask,
+    Measured,
+    Reference,
+    measured,
+)
 from pipeline.scoring.spread import standard_error
 from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.intervals import NORMAL
@@ -15,11 +25,13 @@ from pipeline.statistics.intervals import NORMAL
 
 @final
 class Bias:
-    """Mean over pixels and channels of estimate - reference, in radiance: 0 for an unbiased estimator, up to its interval.
+    """Mean over pixels and channels of estimate - reference, in radiance: 0 for an unbiased estimator, up to
+    its interval.
 
-    The interval is normal, from the variances of both sides where both are known, channels taken as fully correlated; without the
-    estimate's, from the spread of differences among neighbours (spread.py), which holds the reference's noise too. A
-    deterministic reference widens it by its mean error bound. A test of the null hypothesis is `penumbra verify`'s.
+    The interval is normal, from the variances of both sides where both are known, channels taken as fully
+    correlated; without the estimate's, from the spread of differences among neighbours (spread.py), which
+    holds the reference's noise too. A deterministic reference widens it by its mean error bound. A test of
+    the null hypothesis is `penumbra verify`'s.
     """
 
     name = "bias"

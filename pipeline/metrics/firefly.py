@@ -19,11 +19,13 @@ REACH = 3  # pixels: the neighbourhood is 3 x 3
 
 @final
 class Firefly:
-    """Luminance beyond twice the greatest of the reference's 3 x 3 pixels around, summed, over the sum of the reference's luminance.
+    """Luminance beyond twice the greatest of the reference's 3 x 3 pixels around, summed, over the sum of the
+    reference's luminance.
 
-    In lit parts an excess of 100 % is a firefly, in the umbra any light is. It falls to 0 with the number of samples where the weights are
-    bounded; where they are not, it stays: the light of few pixels is what the others lack. The definition is this program's own;
-    it asks the reference, so that a bright detail that is really there does not count.
+    In lit parts an excess of 100 % is a firefly, in the umbra any light is. It falls to 0 with the number of
+    samples where the weights are bounded; where they are not, it stays: the light of few pixels is what the
+    others lack. The definition is this program's own; it asks the reference, so that a bright detail that is
+    really there does not count.
     """
 
     name = "firefly"
@@ -34,7 +36,10 @@ class Firefly:
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): the excess luminance. Undefined for a black reference under a lit estimate."""
+        """Score with its interval; map (h, w): the excess luminance.
+
+        Undefined for a black reference under a lit estimate.
+        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         truth = luminance(reference.mean)
@@ -46,7 +51,9 @@ class Firefly:
                 return Score(metric=self.name, value=0.0, low=0.0, high=0.0)
             if light <= 0:
                 return Score(
-                    metric=self.name, value=None, note="the reference is black here: no light to take a share of"
+                    metric=self.name,
+                    value=None,
+                    note="the reference is black here: no light to take a share of",
                 )
             low, high = scale_interval(value, standard_error(excess, mask))
             return Score(metric=self.name, value=value / light, low=low / light, high=high / light)

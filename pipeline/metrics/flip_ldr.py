@@ -13,10 +13,12 @@ from pipeline.scoring.undefined import defect, undefined
 
 @final
 class FlipLdr:
-    """Mean of the FLIP error map [andersson2020] at 67 pixels a degree, of the pictures as displayed: 0 (equal) to 1.
+    """Mean of the FLIP error map [andersson2020] at 67 pixels a degree, of the pictures as displayed: 0
+    (equal) to 1.
 
-    Exposed for the reference, sRGB, clipped to [0, 1], so that what is brighter than white does not count; `flip` looks at a range
-    of exposures. The map's filters overlap, so that one image gives no interval: replicate seeds do.
+    Exposed for the reference, sRGB, clipped to [0, 1], so that what is brighter than white does not count;
+    `flip` looks at a range of exposures. The map's filters overlap, so that one image gives no interval:
+    replicate seeds do.
     """
 
     name = "flip-ldr"

@@ -14,11 +14,13 @@ from pipeline.statistics.heavy_tail import SHARE_LIMIT
 
 @final
 class LargestShare:
-    """The largest sample of reflected light over the sum of all, in the channel where that is greatest, 0 to 1.
+    """The largest sample of reflected light over the sum of all, in the channel where that is greatest, 0 to
+    1.
 
-    From a tenth on a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds their largest reflected sample
-    see a light directly and are left out. A share is a property of this draw and has no interval; a small one proves
-    nothing, as the samples that matter may not have been drawn yet: the verdict in the record asks Hill's index too [hill1975].
+    From a tenth on a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds
+    their largest reflected sample see a light directly and are left out. A share is a property of this draw
+    and has no interval; a small one proves nothing, as the samples that matter may not have been drawn yet:
+    the verdict in the record asks Hill's index too [hill1975].
     """
 
     name = "largest-share"
@@ -29,7 +31,9 @@ class LargestShare:
     source = "statistics/heavy_tail.py"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score; map (h, w): what each pixel's own largest sample is of all the reflected light, the greatest over channels."""
+        """Score; map (h, w): what each pixel's own largest sample is of all the reflected light, the greatest
+        over channels.
+        """
         same_size(estimate, reference)
         if estimate.maximum is None or estimate.count is None:
             return undefined(self.name, "an image alone does not tell its samples")

@@ -10,7 +10,9 @@ from pipeline.scoring.squared_error import weighted_score
 
 @final
 class Mse:
-    """Mean over pixels and channels of (estimate - reference)^2 - variance of the reference, in squared radiance."""
+    """Mean over pixels and channels of (estimate - reference)^2 - variance of the reference, in squared
+    radiance.
+    """
 
     name = "mse"
     title = "MSE"
@@ -20,7 +22,9 @@ class Mse:
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w) of which the measured error is the mean, negative where below the reference's noise."""
+        """Score with its interval; map (h, w) of which the measured error is the mean, negative where below
+        the reference's noise.
+        """
         return weighted_score(self.name, estimate, reference)
 
 

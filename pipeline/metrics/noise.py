@@ -7,7 +7,17 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.metric import (
+    METRICS,
+    Better,
+    Estimate,
+    Image,
+    Judges,
+    Mask,
+    Measured,
+    Reference,
+    measured,
+)
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.undefined import defect, undefined
 
@@ -16,8 +26,8 @@ from pipeline.scoring.undefined import defect, undefined
 class Noise:
     """Root mean square over pixels and channels of the standard error of the mean, in radiance.
 
-    Known for independent samples, two a pixel or more. Beside `rmse` it tells bias from noise: an unbiased render's RMSE is its
-    noise. A heavy tail hides itself from both (see `largest-share`).
+    Known for independent samples, two a pixel or more. Beside `rmse` it tells bias from noise: an unbiased
+    render's RMSE is its noise. A heavy tail hides itself from both (see `largest-share`).
     """
 
     name = "noise"

@@ -7,7 +7,17 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.metric import (
+    METRICS,
+    Better,
+    Estimate,
+    Image,
+    Judges,
+    Mask,
+    Measured,
+    Reference,
+    measured,
+)
 
 
 @final
@@ -22,7 +32,10 @@ class NonFinite:
     source = "IEEE 754"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """The count, which is exact; map (h, w): 1 at such a pixel, 0 elsewhere. Looks at the estimate alone."""
+        """The count, which is exact; map (h, w): 1 at such a pixel, 0 elsewhere.
+
+        Looks at the estimate alone.
+        """
         bad: Image = np.where(np.isfinite(estimate.mean).all(axis=-1), 0.0, 1.0)
 
         def over(mask: Mask) -> Score:

@@ -18,11 +18,12 @@ from pipeline.scoring.undefined import defect, undefined
 
 @final
 class Psnr:
-    """10 log10(1 / MSE) of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data range 1.
+    """10 log10(1 / MSE) of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1],
+    data range 1.
 
-    The interval is that of the displayed pictures' MSE, taken through the logarithm. The reference's noise is in it; where that
-    makes up more than a tenth of the difference, the value is the interval's lower end and is marked as a bound. A deterministic reference's
-    error bound, as displayed, moves the ends out.
+    The interval is that of the displayed pictures' MSE, taken through the logarithm. The reference's noise is
+    in it; where that makes up more than a tenth of the difference, the value is the interval's lower end and
+    is marked as a bound. A deterministic reference's error bound, as displayed, moves the ends out.
     """
 
     name = "psnr"
@@ -33,7 +34,9 @@ class Psnr:
     source = "scikit-image, peak_signal_noise_ratio"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval, infinite for equal pictures; map (h, w): squared difference of the displayed pictures."""
+        """Score with its interval, infinite for equal pictures; map (h, w): squared difference of the
+        displayed pictures.
+        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         scale = exposure(reference.mean)
@@ -42,7 +45,10 @@ class Psnr:
 
         def over(mask: Mask) -> Score:
             mean, note = float(np.mean(squared[mask])), f"exposure {scale:.4g}"
-            ends, noise = scale_interval(mean, standard_error(squared, mask)), shown_noise(reference, scale, mask)
+            ends, noise = (
+                scale_interval(mean, standard_error(squared, mask)),
+                shown_noise(reference, scale, mask),
+            )
             ends = ends if reference.batches else within_bound(mean, ends, noise)[:2]
             high, low = (_decibels(x) for x in ends)
             if noise > NOISE_SHARE * mean:

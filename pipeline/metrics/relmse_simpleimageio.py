@@ -1,4 +1,6 @@
-"""Relative mean squared error as SimpleImageIO's `relative_mse` has it: r^2 + 0.01, and nothing where r is 0."""
+"""Relative mean squared error as SimpleImageIO's `relative_mse` has it: r^2 + 0.01, and nothing where r is
+0.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,11 @@ FLOOR = 0.01  # squared radiance
 
 @final
 class RelMseSimpleImageIo:
-    """Mean of ((estimate - r)^2 - variance of r) / (r^2 + 0.01), a channel with r = 0 counting 0 whatever the estimate has there.
+    """Mean of ((estimate - r)^2 - variance of r) / (r^2 + 0.01), a channel with r = 0 counting 0 whatever the
+    estimate has there.
 
-    So it cannot see a leak into the umbra: it is here to match figures of papers, not to judge by. Measured in
-    simpleimageio 1.13, whose outlier-rejecting variant does the same.
+    So it cannot see a leak into the umbra: it is here to match figures of papers, not to judge by. Measured
+    in simpleimageio 1.13, whose outlier-rejecting variant does the same.
     """
 
     name = "relmse-simpleimageio"
@@ -28,7 +31,9 @@ class RelMseSimpleImageIo:
     source = "simpleimageio 1.13, relative_mse"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w) of which the measured error is the mean, 0 where the reference is black."""
+        """Score with its interval; map (h, w) of which the measured error is the mean, 0 where the reference
+        is black.
+        """
         weight = np.where(reference.mean == 0, 0.0, 1.0 / (reference.mean**2 + FLOOR))
         return weighted_score(self.name, estimate, reference, weight)
 

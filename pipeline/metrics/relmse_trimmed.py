@@ -7,7 +7,17 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.metric import (
+    METRICS,
+    Better,
+    Estimate,
+    Image,
+    Judges,
+    Mask,
+    Measured,
+    Reference,
+    measured,
+)
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
 from pipeline.scoring.undefined import defect, undefined
@@ -19,13 +29,15 @@ TRIMMED = 0.001  # of all values, a pixel having three
 
 @final
 class RelMseTrimmed:
-    """Mean of d^2 / (r^2 + 0.01) over channels, the largest 0.1 % of these values left out, the reference's variance subtracted.
+    """Mean of d^2 / (r^2 + 0.01) over channels, the largest 0.1 % of these values left out, the reference's
+    variance subtracted.
 
-    Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963]. A trimmed mean of errors is no
-    mean squared error: two estimators may be ranked by it only beside `relmse` and `firefly`, which tell what was set aside. From a deterministic
-    reference nothing is subtracted: its error bound moves the root of the score by its own weighted root mean square at most, and so the
-    interval's ends (the values kept are those of the least sum, so that the triangle inequality holds for what is kept as well).
-    It is simpleimageio's but where the reference is black: there that one scores 0.
+    Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963]. A
+    trimmed mean of errors is no mean squared error: two estimators may be ranked by it only beside `relmse`
+    and `firefly`, which tell what was set aside. From a deterministic reference nothing is subtracted: its
+    error bound moves the root of the score by its own weighted root mean square at most, and so the
+    interval's ends (the values kept are those of the least sum, so that the triangle inequality holds for
+    what is kept as well). It is simpleimageio's but where the reference is black: there that one scores 0.
     """
 
     name = "relmse-trimmed"
@@ -36,7 +48,9 @@ class RelMseTrimmed:
     source = "[tukey1963]; simpleimageio 1.13, relative_mse_outlier_rejection"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): d^2 / (r^2 + 0.01) before anything is left out, mean over channels."""
+        """Score with its interval; map (h, w): d^2 / (r^2 + 0.01) before anything is left out, mean over
+        channels.
+        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         weight = 1.0 / (reference.mean**2 + FLOOR)
@@ -57,7 +71,9 @@ def _trimmed(metric: str, raw: Image, noise: Image, mask: Mask) -> Score:
     value, error = kept - share, _error(raw, limit, noise, mask)
     if share > NOISE_SHARE * value:
         upper = max(value, 0.0) + NORMAL * error
-        return Score(metric=metric, value=upper, low=0.0, high=upper, bound=True, note=f"{BELOW_NOISE}; {note}")
+        return Score(
+            metric=metric, value=upper, low=0.0, high=upper, bound=True, note=f"{BELOW_NOISE}; {note}"
+        )
     low, high = scale_interval(value, error)
     return Score(metric=metric, value=value, low=low, high=high, note=note)
 

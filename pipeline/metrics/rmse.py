@@ -1,4 +1,7 @@
-"""Root of the mean squared error, the reference's variance subtracted before the root. How and why: squared_error.py."""
+"""Root of the mean squared error, the reference's variance subtracted before the root.
+
+How and why: squared_error.py.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,9 @@ class Rmse:
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): root mean square over channels of the difference, the reference's noise in it."""
+        """Score with its interval; map (h, w): root mean square over channels of the difference, the
+        reference's noise in it.
+        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
 

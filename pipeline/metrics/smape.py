@@ -15,10 +15,11 @@ FLOOR = 0.01  # radiance
 
 @final
 class Smape:
-    """Mean over pixels and channels of |a - r| / (|a| + |r| + 0.01), 0 to 1, as denoisers are trained by it [vogels2018].
+    """Mean over pixels and channels of |a - r| / (|a| + |r| + 0.01), 0 to 1, as denoisers are trained by it
+    [vogels2018].
 
-    Elsewhere the sum below the line is halved (0 to 2) or has no 0.01. A bright outlier counts 1 at most, and so does a dark pixel that should
-    be bright.
+    Elsewhere the sum below the line is halved (0 to 2) or has no 0.01. A bright outlier counts 1 at most, and
+    so does a dark pixel that should be bright.
     """
 
     name = "smape"
@@ -32,7 +33,8 @@ class Smape:
         """Score with its interval; map (h, w): mean over channels."""
         same_size(estimate, reference)
         weight = 1.0 / (np.abs(estimate.mean) + np.abs(reference.mean) + FLOOR)
-        # r moved by b moves |a - r| and what it is divided by each by at most b, and the quotient stays below 1: it moves by at most 2 b
+        # r moved by b moves |a - r| and what it is divided by each by at most b, and the quotient stays below
+        # 1: it moves by at most 2 b
         # over what it is divided by now.
         return absolute_score(self.name, estimate, reference, weight, 2.0 * weight)
 

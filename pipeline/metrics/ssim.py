@@ -9,7 +9,17 @@ import numpy as np
 from skimage.metrics import structural_similarity
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.metric import (
+    METRICS,
+    Better,
+    Estimate,
+    Image,
+    Judges,
+    Mask,
+    Measured,
+    Reference,
+    measured,
+)
 from pipeline.scoring.tone import displayed, exposure
 from pipeline.scoring.undefined import defect, undefined
 
@@ -19,10 +29,12 @@ BORDER = (WINDOW - 1) // 2
 
 @final
 class Ssim:
-    """SSIM [wang2004] of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data range 1.
+    """SSIM [wang2004] of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data
+    range 1.
 
-    Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, per channel, mean over channels and over all pixels whose window lies
-    inside; of a region, over its own pixels among those. Windows overlap, so that one image gives no interval: replicate seeds do.
+    Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, per channel, mean over channels and over all pixels
+    whose window lies inside; of a region, over its own pixels among those. Windows overlap, so that one image
+    gives no interval: replicate seeds do.
     """
 
     name = "ssim"
@@ -46,7 +58,9 @@ class Ssim:
         def over(mask: Mask) -> Score:
             inside = mask & whole
             if not inside.any():
-                return Score(metric=self.name, value=None, note="no pixel here has its whole window in the picture")
+                return Score(
+                    metric=self.name, value=None, note="no pixel here has its whole window in the picture"
+                )
             return Score(metric=self.name, value=float(np.mean(local[inside])), note=f"exposure {scale:.4g}")
 
         return measured(local.shape, over, local)
@@ -55,7 +69,13 @@ class Ssim:
 def _similarity(truth: Image, shown: Image) -> Image:
     """The local similarity (h, w), mean over channels. truth, shown: (h, w, 3) in [0, 1]."""
     _, local = structural_similarity(  # pyright: ignore[reportAssignmentType]
-        truth, shown, data_range=1.0, channel_axis=-1, gaussian_weights=True, use_sample_covariance=False, full=True
+        truth,
+        shown,
+        data_range=1.0,
+        channel_axis=-1,
+        gaussian_weights=True,
+        use_sample_covariance=False,
+        full=True,
     )
     return np.mean(np.asarray(local, dtype=np.float64), axis=-1)
 

@@ -15,11 +15,13 @@ from pipeline.statistics.numerics import box_maximum
 
 @final
 class UmbraLeak:
-    """Sum of |estimate| over the pixels in the umbra, over the sum of the reference over the whole image: 0 for a correct shadow test.
+    """Sum of |estimate| over the pixels in the umbra, over the sum of the reference over the whole image: 0
+    for a correct shadow test.
 
-    Every sample in the umbra is blocked, so that any light there is an error of the renderer (an epsilon, a light that shines
-    through what it touches), and no noise. The umbra is that of the visibility pass (pipeline/studies/regions.py) where the reference is black too; without one,
-    the pixels that are black in the reference, as are all their neighbours, and whose variance is 0.
+    Every sample in the umbra is blocked, so that any light there is an error of the renderer (an epsilon, a
+    light that shines through what it touches), and no noise. The umbra is that of the visibility pass
+    (pipeline/studies/regions.py) where the reference is black too; without one, the pixels that are black in
+    the reference, as are all their neighbours, and whose variance is 0.
     """
 
     name = "umbra-leak"
@@ -30,7 +32,10 @@ class UmbraLeak:
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): |estimate| in the umbra, mean over channels, 0 elsewhere. Undefined without an umbra."""
+        """Score with its interval; map (h, w): |estimate| in the umbra, mean over channels, 0 elsewhere.
+
+        Undefined without an umbra.
+        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         umbra = black(reference) if reference.umbra is None else reference.umbra
@@ -47,7 +52,9 @@ class UmbraLeak:
             if value == 0.0:
                 return Score(metric=self.name, value=0.0, low=0.0, high=0.0, note=f"{pixels:,} pixels")
             if light == 0.0:
-                return Score(metric=self.name, value=None, note="the reference is black: no light to take a share of")
+                return Score(
+                    metric=self.name, value=None, note="the reference is black: no light to take a share of"
+                )
             low, high = scale_interval(value, standard_error(leak, inside))
             share = pixels / light
             note = f"{pixels:,} pixels, {np.count_nonzero(leak[inside]):,} of them lit"

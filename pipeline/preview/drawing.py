@@ -1,8 +1,9 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""A picture of a scene from outside: geometry, the camera and what it sees, the lights, and one pixel's samples.
+"""A picture of a scene from outside: geometry, the camera and what it sees, the lights, and one pixel's
+samples.
 
-The only import of pyvista, which draws off screen by OpenGL. Where there is none VTK ends the whole process, so that it is tried in
-a process of its own first.
+The only import of pyvista, which draws off screen by OpenGL. Where there is none VTK ends the whole process,
+so that it is tried in a process of its own first.
 """
 
 from __future__ import annotations
@@ -20,24 +21,18 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import HIDDEN, IDLE, SEEN, Tried
 from pipeline.preview.view import View
 from renderer import RenderScene
-from scenes.description import (
-    BilinearMesh,
-    Diffuse,
-    Disk,
-    Environment,
-    PointLight,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-    TriangleMesh,
-)
+from scenes.description.lights import Environment, PointLight, SpotLight
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 
 Array = NDArray[np.float64]
 
 SIZE = (1280, 900)  # pixels
-HANDED = np.array([1.0, 1.0, -1.0])  # our space is left-handed as pbrt's, VTK's right-handed: everything is drawn at -z
+HANDED = np.array(
+    [1.0, 1.0, -1.0]
+)  # our space is left-handed as pbrt's, VTK's right-handed: everything is drawn at -z
 COLOURS = {SEEN: "#ffb000", HIDDEN: "#dc267f", IDLE: "#648fff"}  # told apart by the colour-blind too
 BACKGROUND, INK = "#eef0f4", "#1b1f2a"
 SECONDS = 120  # for the trial: the first import of VTK from a slow disk
@@ -68,7 +63,9 @@ def off_screen() -> OffScreen:
     if not sys.platform.startswith("linux"):
         return _tried("")
     asked = os.environ.get("VTK_DEFAULT_OPENGL_WINDOW")
-    names = [asked] if asked else [name for name in WINDOWS if os.environ.get("DISPLAY") or "XOpenGL" not in name]
+    names = (
+        [asked] if asked else [name for name in WINDOWS if os.environ.get("DISPLAY") or "XOpenGL" not in name]
+    )
     found = [_tried(names[0])]
     for name in names[1:]:
         if not found[-1].works:
@@ -80,13 +77,20 @@ def _tried(window: str) -> OffScreen:
     environment = {**os.environ, **({"VTK_DEFAULT_OPENGL_WINDOW": window} if window else {})}
     try:
         done = subprocess.run(
-            [sys.executable, "-c", TRIAL], capture_output=True, text=True, timeout=SECONDS, check=False, env=environment
+            [sys.executable, "-c", TRIAL],
+            capture_output=True,
+            text=True,
+            timeout=SECONDS,
+            check=False,
+            env=environment,
         )
     except subprocess.TimeoutExpired:
         return OffScreen(False, f"{window or 'VTK'}: no answer in {SECONDS} s")
     if done.returncode == 0 and done.stdout.startswith("ok"):
         return OffScreen(True, f"VTK draws off screen by {done.stdout.split()[-1]}", window)
-    problem = "OpenGL does not start" if done.returncode < 0 else (done.stderr.strip().splitlines() or ["?"])[-1]
+    problem = (
+        "OpenGL does not start" if done.returncode < 0 else (done.stderr.strip().splitlines() or ["?"])[-1]
+    )
     return OffScreen(False, f"{window or 'VTK'}: {problem}")
 
 
@@ -131,9 +135,13 @@ def _shape(pv: Any, plotter: Any, shape: ShapeDescription, veiled: bool, extent:
     mesh = _mesh(pv, shape)
     if shape.emission is not None:
         bright = shape.emission.radiance / max(float(shape.emission.radiance.max()), 1e-300)
-        plotter.add_mesh(mesh, color=tuple(0.25 + 0.75 * bright), lighting=False, opacity=0.35 if veiled else 1.0)
+        plotter.add_mesh(
+            mesh, color=tuple(0.25 + 0.75 * bright), lighting=False, opacity=0.35 if veiled else 1.0
+        )
         if not isinstance(shape.geometry, Sphere):
-            edges = mesh.extract_feature_edges(feature_edges=False, non_manifold_edges=False, manifold_edges=False)
+            edges = mesh.extract_feature_edges(
+                feature_edges=False, non_manifold_edges=False, manifold_edges=False
+            )
             if edges.n_points:
                 plotter.add_mesh(edges, color=INK, line_width=2)
         return
@@ -164,7 +172,9 @@ def _lights(pv: Any, plotter: Any, scene: SceneDescription, view: View) -> None:
     for light in scene.lights:
         if isinstance(light, PointLight | SpotLight):
             plotter.add_mesh(
-                pv.Sphere(radius=0.02 * view.extent, center=light.position * HANDED), color="#ffd75e", lighting=False
+                pv.Sphere(radius=0.02 * view.extent, center=light.position * HANDED),
+                color="#ffd75e",
+                lighting=False,
             )
         elif not isinstance(light, Environment):
             towards = light.wi * HANDED
@@ -188,11 +198,15 @@ def _camera(pv: Any, plotter: Any, view: View) -> None:
     plotter.add_mesh(pv.Sphere(radius=0.012 * view.extent, center=eye), color=INK)
     if view.seen is not None:
         plotter.add_mesh(pv.Line(eye, view.seen), color="#118833", line_width=3)
-        plotter.add_mesh(pv.Sphere(radius=0.006 * view.extent, center=view.seen), color="#118833", lighting=False)
+        plotter.add_mesh(
+            pv.Sphere(radius=0.006 * view.extent, center=view.seen), color="#118833", lighting=False
+        )
 
 
 def _samples(pv: Any, plotter: Any, tried: Tried, extent: float) -> None:
-    """Every sample as a line from its point, and a dot where it ends on a light or on what hides the light."""
+    """Every sample as a line from its point, and a dot where it ends on a light or on what hides the
+    light.
+    """
     for state in (IDLE, HIDDEN, SEEN):
         rows = np.flatnonzero(tried.state == state)
         if not rows.size:
@@ -212,9 +226,11 @@ def _words(plotter: Any, title: str, tried: Tried | None, labels: list[tuple[Arr
     if labels:
         plotter.add_point_labels(
             np.stack([place for place, _ in labels]), [text for _, text in labels], font_size=17, bold=False,
-            text_color=INK, shape_color="white", shape_opacity=0.75, show_points=False, always_visible=True, margin=4,
+            text_color=INK, shape_color="white", shape_opacity=0.75, show_points=False, always_visible=True, margin=4,  # noqa: E501
         )  # fmt: skip
     if tried is None:
         return
     rows = [[f"{tried.count(state)} {tried.words[state]}", COLOURS[state]] for state in (SEEN, HIDDEN, IDLE)]
-    plotter.add_legend(rows, bcolor="white", border=True, face="rectangle", size=(0.4, 0.13), loc="lower left")
+    plotter.add_legend(
+        rows, bcolor="white", border=True, face="rectangle", size=(0.4, 0.13), loc="lower left"
+    )

@@ -1,4 +1,6 @@
-"""What an estimator does at one pixel: the points that are seen in it, and every direction that is tried from them."""
+"""What an estimator does at one pixel: the points that are seen in it, and every direction that is tried from
+them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 IDLE, HIDDEN, SEEN = range(3)
@@ -23,9 +25,11 @@ OPEN_WORDS = ("of no use", "something is there", "open")  # of ambient occlusion
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """n samples from points seen in a pixel. start, end: (n, 3), the end of a hidden one on what hides it. state: (n,), see WORDS.
+    """n samples from points seen in a pixel. start, end: (n, 3), the end of a hidden one on what hides it.
+    state: (n,), see WORDS.
 
-    far: (n,), whether it goes to something without a distance, its end being just beyond the scene. spp: how many camera rays.
+    far: (n,), whether it goes to something without a distance, its end being just beyond the scene. spp: how
+    many camera rays.
     """
 
     start: Floats
@@ -41,12 +45,20 @@ class Tried:
 
 
 def try_pixel(
-    scene: RenderScene, estimator: str, pixel: tuple[int, int], spp: int, seed: int, reach: float, sampler: str
+    scene: RenderScene,
+    estimator: str,
+    pixel: tuple[int, int],
+    spp: int,
+    seed: int,
+    reach: float,
+    sampler: str,
 ) -> Tried:
-    """The samples of one pixel (x, y), counted from the top left, as the estimator draws them, nothing left out by the plan.
+    """The samples of one pixel (x, y), counted from the top left, as the estimator draws them, nothing left
+    out by the plan.
 
-    spp: camera rays. reach: world units, how far to draw what goes to infinity. PenumbraError where the pixel is not in the image or the estimator
-    does not apply. The random numbers are those of the first pixel of an image.
+    spp: camera rays. reach: world units, how far to draw what goes to infinity. PenumbraError where the pixel
+    is not in the image or the estimator does not apply. The random numbers are those of the first pixel of an
+    image.
     """
     x, y = pixel
     camera = scene.camera
@@ -54,7 +66,14 @@ def try_pixel(
         raise PenumbraError(f"pixel {x},{y} is not in the image of {camera.width} x {camera.height} pixels")
     one = replace(camera, corner=camera.corner + camera.du * x + camera.dv * y, width=1, height=1)
     recorder = _Recorder(ESTIMATORS[estimator])
-    render(replace(scene, camera=one), estimator=recorder.probe(), sampler=sampler, spp=spp, seed=seed, prune=False)
+    render(
+        replace(scene, camera=one),
+        estimator=recorder.probe(),
+        sampler=sampler,
+        spp=spp,
+        seed=seed,
+        prune=False,
+    )
     words = WORDS if recorder.inner.quantity == "radiance" else OPEN_WORDS
     parts = [_drawn(scene, *told, reach) for told in recorder.told]
     none = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
@@ -144,7 +163,13 @@ def _drawn(
     """Start, end, state and far of what the witness was told; rows without a direction are left out."""
     with np.errstate(invalid="ignore", over="ignore"):
         rows = np.flatnonzero(np.abs((wi * wi).sum(axis=0) - 1.0) < 1e-6)
-    hit, wi, dist, useful, hidden = hit.take(rows), wi.take(rows, axis=1), dist[rows], useful[rows], hidden[rows]
+    hit, wi, dist, useful, hidden = (
+        hit.take(rows),
+        wi.take(rows, axis=1),
+        dist[rows],
+        useful[rows],
+        hidden[rows],
+    )
     state = np.where(hidden, HIDDEN, np.where(useful, SEEN, IDLE)).astype(np.int64)
     far = ~np.isfinite(dist)
     length = np.where(far, reach, dist)

@@ -1,4 +1,6 @@
-"""Where to look at a scene from, so that its camera, its lights and what it sees are in the picture; no drawing."""
+"""Where to look at a scene from, so that its camera, its lights and what it sees are in the picture; no
+drawing.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,16 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import Tried
 from renderer import RenderScene, render
 from renderer.camera import Camera
-from scenes.description import BilinearMesh, Disk, PointLight, ShapeDescription, Sphere, SpotLight, TriangleMesh
+from scenes.description.lights import PointLight, SpotLight
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 
 Array = NDArray[np.float64]
 
 ANGLE = 34.0  # degrees, of the view's height
-TURN, RISE = 55.0, 24.0  # degrees: how far the view stands aside from the camera's own line, and above the ground
+TURN, RISE = (
+    55.0,
+    24.0,
+)  # degrees: how far the view stands aside from the camera's own line, and above the ground
 GRID = 24  # rays across the image that find out what is in view
 IMAGE = 160  # pixels, the longer side of the image on the camera's screen
 FAR = 1.6  # times the middle distance of what is in view: a floor's horizon beyond that is not framed
@@ -25,10 +31,12 @@ SCREEN = 0.22  # of the extent: how far before the camera its screen stands
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """position, target: (3,) of the view. angle: degrees, its height. extent: world units, the size of what is shown.
+    """position, target: (3,) of the view. angle: degrees, its height. extent: world units, the size of what
+    is shown.
 
-    eye: (3,). screen: (h + 1, w + 1, 3), corners of the pixels of `image` (h, w, 3) uint8. seen: (3,), what the camera sees in the pixel. labels: places
-    and words. veiled: shapes that would hide what there is to see.
+    eye: (3,). screen: (h + 1, w + 1, 3), corners of the pixels of `image` (h, w, 3) uint8. seen: (3,), what
+    the camera sees in the pixel. labels: places and words. veiled: shapes that would hide what there is to
+    see.
     """
 
     position: Array
@@ -56,9 +64,15 @@ class View:
 
 
 def extent_of(scene: RenderScene) -> tuple[Array, Array]:
-    """Lowest and highest corner, (3,) each, of what is in view, the camera and the lights that have a place."""
+    """Lowest and highest corner, (3,) each, of what is in view, the camera and the lights that have a
+    place.
+    """
     points = [in_view(scene), scene.camera.origin.T]
-    points += [light.position[None] for light in scene.description.lights if isinstance(light, PointLight | SpotLight)]
+    points += [
+        light.position[None]
+        for light in scene.description.lights
+        if isinstance(light, PointLight | SpotLight)
+    ]
     points += [_points(shape) for shape in scene.description.shapes if shape.emission is not None]
     every = np.concatenate(points)
     return every.min(axis=0), every.max(axis=0)
@@ -77,7 +91,9 @@ def in_view(scene: RenderScene) -> Array:
 
 
 def first(scene: RenderScene, camera: Camera, x: Array, y: Array) -> tuple[Array, Array]:
-    """Unit directions (3, n) through film points in pixels (n,), and how far it is to what they meet, inf for nothing."""
+    """Unit directions (3, n) through film points in pixels (n,), and how far it is to what they meet, inf for
+    nothing.
+    """
     d = camera.corner + camera.du * x + camera.dv * y
     d = d / np.sqrt((d * d).sum(axis=0))
     return d, first_from(scene, camera.origin, d)
@@ -106,7 +122,10 @@ def look(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None,
         screen=screen,
         image=image,
         seen=seen,
-        labels=(*_labels(scene), *(() if seen is None or pixel is None else ((seen, f"pixel {pixel[0]},{pixel[1]}"),))),
+        labels=(
+            *_labels(scene),
+            *(() if seen is None or pixel is None else ((seen, f"pixel {pixel[0]},{pixel[1]}"),)),
+        ),
         veiled=_veiled(scene, position, seen, tried, screen),
     )
 
@@ -173,8 +192,13 @@ def _points(shape: ShapeDescription) -> Array:
 def _veiled(
     scene: RenderScene, position: Array, seen: Array | None, tried: Tried | None, screen: Array
 ) -> frozenset[int]:
-    """The shapes before what there is to see: the camera, its screen, the pixel's point, the ends of samples."""
-    goals = [scene.camera.origin.T, screen[:: max(1, len(screen) - 1), :: max(1, screen.shape[1] - 1)].reshape(-1, 3)]
+    """The shapes before what there is to see: the camera, its screen, the pixel's point, the ends of
+    samples.
+    """
+    goals = [
+        scene.camera.origin.T,
+        screen[:: max(1, len(screen) - 1), :: max(1, screen.shape[1] - 1)].reshape(-1, 3),
+    ]
     if seen is not None:
         goals.append(seen[None])
     if tried is not None:
@@ -203,7 +227,11 @@ def _shape_along(scene: RenderScene, origin: Array, d: Array) -> tuple[Array, ND
     """Distance (n,) to what rays from origin (3, n) along d (3, n) meet, and the shape, -1 for nothing."""
     everyone = np.arange(len(scene.quadrics), dtype=np.int64)
     t, quadric = scene.quadrics.closest(everyone, origin, d)
-    shape = np.where(quadric >= 0, scene.quadrics.shape.take(quadric, mode="clip"), -1) if everyone.size else quadric
+    shape = (
+        np.where(quadric >= 0, scene.quadrics.shape.take(quadric, mode="clip"), -1)
+        if everyone.size
+        else quadric
+    )
     if scene.triangles is None:
         return t, shape
     none = np.full(t.size, -1, dtype=np.int64)

@@ -1,11 +1,12 @@
 """Batches of samples merged into one image with the variance of its mean, and how precise that image is.
 
-A batch is an image of some samples a pixel from a seed of its own. Batches may differ in size: one of w samples has the
-variance s^2 / w, so that weights w give the best mean, and with W the sum of weights
+A batch is an image of some samples a pixel from a seed of its own. Batches may differ in size: one of w
+samples has the variance s^2 / w, so that weights w give the best mean, and with W the sum of weights
 
     s^2 = sum of w_i (x_i - mean)^2 / (B - 1),    variance of the mean = s^2 / W
 
-is unbiased whatever the sizes are; the update is West's [west1979]. Being a sum, it can be put away and gone on with.
+is unbiased whatever the sizes are; the update is West's [west1979]. Being a sum, it can be put away and gone
+on with.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ TAIL = 10.0  # times the target: where the 99th percentile of pixels may lie
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """mean, m2 (sum of weighted squared deviations): (h, w, 3) float64; spp: samples a pixel in all; seconds: spent on them."""
+    """mean, m2 (sum of weighted squared deviations): (h, w, 3) float64; spp: samples a pixel in all; seconds:
+    spent on them.
+    """
 
     mean: Image
     m2: Image
@@ -49,7 +52,9 @@ class Tally:
 
 @dataclass(frozen=True)
 class Precision:
-    """Standard errors of pixels relative to their values: the median and the 99th percentile over the image."""
+    """Standard errors of pixels relative to their values: the median and the 99th percentile over the
+    image.
+    """
 
     median: float
     p99: float
@@ -57,7 +62,8 @@ class Precision:
     def excess(self, target: float) -> float:
         """By what factor the image is less precise than `target`; at most 1 if it is met.
 
-        Met: the median is at most `target` and the 99th percentile at most TAIL times as much. Samples needed go as its square.
+        Met: the median is at most `target` and the 99th percentile at most TAIL times as much. Samples needed
+        go as its square.
         """
         return max(self.median / target, self.p99 / (TAIL * target))
 
@@ -70,8 +76,9 @@ def empty_tally(height: int, width: int) -> Tally:
 def precision(mean: Image, variance: Image) -> Precision:
     """Of an image (h, w, 3) with the variance of its mean.
 
-    A pixel's error is the root mean square over its channels, its value their mean; values below FLOOR times the image's
-    mean count as that: no finite number of samples would do for the rim of an umbra, where the value tends to 0.
+    A pixel's error is the root mean square over its channels, its value their mean; values below FLOOR times
+    the image's mean count as that: no finite number of samples would do for the rim of an umbra, where the
+    value tends to 0.
     """
     value = np.abs(mean).mean(axis=-1)
     floor = FLOOR * float(value.mean())

@@ -1,8 +1,9 @@
 """Ambient occlusion as direct light: the scene whose radiance is the ambient occlusion of another.
 
-Ambient occlusion is the integral of V(w) cos(w) / pi over the hemisphere, V being whether nothing is met; that is what a surface of
-reflectance 1 reflects of a sky of radiance 1 all around. Emitters become surfaces, as they are to pbrt's `ambientocclusion`, and
-pixels that meet nothing must read 0, which is the renderer's part: the sky itself is not to be seen.
+Ambient occlusion is the integral of V(w) cos(w) / pi over the hemisphere, V being whether nothing is met;
+that is what a surface of reflectance 1 reflects of a sky of radiance 1 all around. Emitters become surfaces,
+as they are to pbrt's `ambientocclusion`, and pixels that meet nothing must read 0, which is the renderer's
+part: the sky itself is not to be seen.
 """
 
 from __future__ import annotations
@@ -11,11 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenes.description import Diffuse, Environment, SceneDescription
+from scenes.description.lights import Environment
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
 
 
 def ambient_scene(scene: SceneDescription) -> SceneDescription:
-    """`scene` in white under a white sky. Only where nothing ends the rays: ValueError for a finite occlusion distance."""
+    """`scene` in white under a white sky.
+
+    Only where nothing ends the rays: ValueError for a finite occlusion distance.
+    """
     if np.isfinite(scene.occlusion_distance):
         raise ValueError(f"rays that end after {scene.occlusion_distance:g} are no direct light")
     return replace(bare_scene(scene), lights=(Environment(np.ones(3)),))

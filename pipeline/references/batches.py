@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.references.accumulator import Tally, empty_tally, precision
 from pipeline.references.protocol import Continuation, Progress, ReferenceImage, ReferenceRequest
-from scenes.description import Film
+from scenes.description.scene import Film
 from scenes.errors import PenumbraError
 
 Image = NDArray[np.float64]
@@ -24,14 +24,17 @@ ROUND = 64  # batches a round
 
 @dataclass(frozen=True)
 class Batches:
-    """`count` batches to be drawn, of `spp` samples a pixel each, the first of them number `first` of its series."""
+    """`count` batches to be drawn, of `spp` samples a pixel each, the first of them number `first` of its
+    series.
+    """
 
     first: int
     count: int
     spp: int
 
 
-# One image (h, w, 3) float64 for each batch, in order, each a function of the batch's number and size and of nothing else that changes.
+# One image (h, w, 3) float64 for each batch, in order, each a function of the batch's number and size and of
+# nothing else that changes.
 Draw = Callable[[Batches], Generator[Image]]
 
 
@@ -43,12 +46,15 @@ def accumulate(
     continuation: Continuation | None = None,
     progress: Progress | None = None,
 ) -> Tally:
-    """Draw batches of at most `most` samples a pixel until `request` is met, going on from where `continuation` starts.
+    """Draw batches of at most `most` samples a pixel until `request` is met, going on from where
+    `continuation` starts.
 
     PenumbraError for fewer than 2 batches, and where a batch has a non-finite value.
     """
     if request.batches < 2:
-        raise PenumbraError("a sampled reference needs at least 2 batches: its variance comes from their spread")
+        raise PenumbraError(
+            "a sampled reference needs at least 2 batches: its variance comes from their spread"
+        )
     continuation = continuation or Continuation()
     tally = continuation.start or empty_tally(film.height, film.width)
     shown = 0.0
@@ -65,7 +71,9 @@ def accumulate(
                 if progress:
                     progress(shown if request.target is None else min(shown, 0.99))
         if tally.spp != goal:
-            raise PenumbraError(f"{goal - tally.spp} samples a pixel of a reference were asked for and not drawn")
+            raise PenumbraError(
+                f"{goal - tally.spp} samples a pixel of a reference were asked for and not drawn"
+            )
     if progress and request.target is not None:
         progress(1.0)
     return tally
@@ -74,8 +82,8 @@ def accumulate(
 def missing(tally: Tally, request: ReferenceRequest, most: int) -> Batches | None:
     """The next batches to draw, or None where the request is met.
 
-    Their size follows from the request alone where it names the samples, so that a reference that was interrupted
-    comes out as if it had not been, to the last bit.
+    Their size follows from the request alone where it names the samples, so that a reference that was
+    interrupted comes out as if it had not been, to the last bit.
     """
     spp = max(1, min(most, -(-request.spp // request.batches)))
     count = max(request.batches - tally.batches, -((tally.spp - request.spp) // spp))

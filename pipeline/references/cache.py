@@ -1,12 +1,15 @@
 """References kept by what they depend on: scene content, backend and its version, quantity, seed.
 
-    <key>/{reference.exr,reference.npz,provenance.json,SHA256SUMS}   a reference: mean, variance and count to look at; the same in float64
-    <key>.unfinished                                                 batches of one that was interrupted, checksum first
+    <key>/{reference.exr,reference.npz,provenance.json,SHA256SUMS}   a reference: mean, variance and count to
+    look at; the same in float64
+    <key>.unfinished                                                 batches of one that was interrupted,
+    checksum first
 
-How many samples are wanted is no part of the key: who asks for more adds batches to those that are there. A folder is written
-aside and sealed with checksums (see `pipeline.store.sealed_folder`), and what is in <key>.unfinished is removed only after that, so that a
-process killed at any moment loses what it drew since it last saved, about a second's work, and nothing else. Of two processes that
-want the same reference one waits for the other.
+How many samples are wanted is no part of the key: who asks for more adds batches to those that are there. A
+folder is written aside and sealed with checksums (see `pipeline.store.sealed_folder`), and what is in
+<key>.unfinished is removed only after that, so that a process killed at any moment loses what it drew since
+it last saved, about a second's work, and nothing else. Of two processes that want the same reference one
+waits for the other.
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ from pipeline.references.unfinished import Unfinished, from_npz, to_npz
 from pipeline.schema.record import ReferenceInfo
 from pipeline.store.machine import machine
 from pipeline.store.sealed_folder import SEAL, Writer, damage, sealed, write_entry
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 from scenes.images.exr import write_estimate_exr
 
@@ -54,7 +57,8 @@ UNFINISHED = ".unfinished"
 
 @dataclass(frozen=True, eq=False)
 class StoredReference:
-    """A reference on disk. path: its EXR; key: its content address; backend: its name; fresh: whether this very call drew samples.
+    """A reference on disk. path: its EXR; key: its content address; backend: its name; fresh: whether this
+    very call drew samples.
 
     kept: how many samples a pixel were there before it did.
     """
@@ -78,11 +82,12 @@ def reference_for(
     root: Path,
     progress: Progress | None = None,
 ) -> StoredReference:
-    """The reference of `scene` by that backend, from `root` if it is there, whole and precise enough; else made, or added to, and stored.
+    """The reference of `scene` by that backend, from `root` if it is there, whole and precise enough; else
+    made, or added to, and stored.
 
-    A damaged entry is reported through the logger "penumbra" and rendered again. PenumbraError where the backend is
-    unknown, refuses the scene or fails, and, before any rendering, where `root` cannot be written. An interruption
-    leaves the batches that were finished to the next call.
+    A damaged entry is reported through the logger "penumbra" and rendered again. PenumbraError where the
+    backend is unknown, refuses the scene or fails, and, before any rendering, where `root` cannot be written.
+    An interruption leaves the batches that were finished to the next call.
     """
     backend = BACKENDS[backend_name]
     key = reference_key(scene, backend_name, backend.version(), request)
@@ -103,7 +108,9 @@ def reference_for(
 
 
 def reference_key(scene: SceneDescription, backend: str, version: str, request: ReferenceRequest) -> str:
-    """SHA-256, shortened to 32 digits, of everything that a reference depends on but the number of its samples."""
+    """SHA-256, shortened to 32 digits, of everything that a reference depends on but the number of its
+    samples.
+    """
     parts = {
         "format": FORMAT,
         "scene": scene.content_hash(),
@@ -116,7 +123,9 @@ def reference_key(scene: SceneDescription, backend: str, version: str, request: 
 
 
 def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
-    """What a record says of the reference; rms_standard_error is over pixels and channels, the image's path relative to `run_folder`."""
+    """What a record says of the reference; rms_standard_error is over pixels and channels, the image's path
+    relative to `run_folder`.
+    """
     image = stored.image
     return ReferenceInfo(
         backend=stored.backend,
@@ -166,7 +175,9 @@ def _make(
     image = _described(image, entry.name, backend, scene, request)
     _write(entry, image)
     unfinished.remove()
-    return StoredReference(entry / EXR, entry.name, backend.name, image, fresh=True, kept=start.spp if start else 0)
+    return StoredReference(
+        entry / EXR, entry.name, backend.name, image, fresh=True, kept=start.spp if start else 0
+    )
 
 
 def _start(stored: StoredReference | None, unfinished: Tally | None) -> Tally | None:
@@ -177,9 +188,15 @@ def _start(stored: StoredReference | None, unfinished: Tally | None) -> Tally | 
 
 
 def _described(
-    image: ReferenceImage, key: str, backend: ReferenceBackend, scene: SceneDescription, request: ReferenceRequest
+    image: ReferenceImage,
+    key: str,
+    backend: ReferenceBackend,
+    scene: SceneDescription,
+    request: ReferenceRequest,
 ) -> ReferenceImage:
-    """The image with what the cache knows added to its provenance; numbers in full, so that they are read back as they were."""
+    """The image with what the cache knows added to its provenance; numbers in full, so that they are read
+    back as they were.
+    """
     known = {
         "key": key,
         "scene": scene.content_hash(),
@@ -229,7 +246,9 @@ def _load(entry: Path, key: str, backend: str) -> StoredReference | None:
 
 
 def _read(entry: Path, key: str, backend: str) -> StoredReference | None:
-    """The entry, None where there is none; _Damaged unless every file is what was written and carries `key`."""
+    """The entry, None where there is none; _Damaged unless every file is what was written and carries
+    `key`.
+    """
     if not entry.is_dir():
         return None
     problem = damage(entry)

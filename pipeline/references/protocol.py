@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.accumulator import Tally
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 from scenes.registry import Registry
 
@@ -19,15 +19,17 @@ Progress = Callable[[float], None]  # the share done, 0..1
 Quantity = Literal["radiance", "ambient-occlusion"]
 
 MIN_BATCHES = 64
-"""Below that, Welch tests per pixel are wrong: measured, 65 % of runs with 32 batches raise a false alarm that 5 % should."""
+"""Below that, Welch tests per pixel are wrong: measured, 65 % of runs with 32 batches raise a false alarm that 5 % should."""  # noqa: E501
 
 
 @dataclass(frozen=True)
 class ReferenceRequest:
-    """At least `spp` samples a pixel in at least `batches` runs of different seeds, from whose spread the variance comes.
+    """At least `spp` samples a pixel in at least `batches` runs of different seeds, from whose spread the
+    variance comes.
 
-    quantity: light, or the share of the cosine-weighted hemisphere that nothing within the scene's occlusion distance hides.
-    target: the relative standard error to go on to, see `tally.Precision`; None: `spp` and `batches` alone decide.
+    quantity: light, or the share of the cosine-weighted hemisphere that nothing within the scene's occlusion
+    distance hides. target: the relative standard error to go on to, see `tally.Precision`; None: `spp` and
+    `batches` alone decide.
     """
 
     spp: int = 4096
@@ -39,7 +41,9 @@ class ReferenceRequest:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceImage:
-    """mean, variance (of the mean): (h, w, 3) float64; batches: 0 where nothing was sampled; provenance: what made it, as strings."""
+    """mean, variance (of the mean): (h, w, 3) float64; batches: 0 where nothing was sampled; provenance: what
+    made it, as strings.
+    """
 
     mean: Image
     variance: Image
@@ -55,7 +59,9 @@ def _forget(_: Tally) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """start: batches of the same scene, backend, version, quantity and seed, to be added to; keep: told of every batch that is finished."""
+    """start: batches of the same scene, backend, version, quantity and seed, to be added to; keep: told of
+    every batch that is finished.
+    """
 
     start: Tally | None = None
     keep: Callable[[Tally], None] = _forget
@@ -104,7 +110,11 @@ def require(backend: ReferenceBackend, scene: SceneDescription, quantity: Quanti
 
 def takers(scene: SceneDescription, quantity: Quantity, without: str = "") -> list[str]:
     """The backends that take the scene, other than `without`."""
-    return [name for name, backend in BACKENDS.items() if name != without and backend.refuses(scene, quantity) is None]
+    return [
+        name
+        for name, backend in BACKENDS.items()
+        if name != without and backend.refuses(scene, quantity) is None
+    ]
 
 
 def refusal(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> str | None:

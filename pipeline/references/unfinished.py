@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.references.accumulator import Tally
-from scenes.description import Film
+from scenes.description.scene import Film
 from scenes.errors import PenumbraError
 
 log = logging.getLogger("penumbra")
@@ -30,8 +30,8 @@ SEAL = 32  # bytes of SHA-256 before the .npz
 class Unfinished:
     """The file of an unfinished reference: read once, then saved to now and then, and whenever it is told to.
 
-    path: of the file. key: of the reference, which the file holds as well: under another name its batches are another's. last: what
-    is not saved yet. next_save: when to, by time.monotonic().
+    path: of the file. key: of the reference, which the file holds as well: under another name its batches are
+    another's. last: what is not saved yet. next_save: when to, by time.monotonic().
     """
 
     path: Path
@@ -46,7 +46,9 @@ class Unfinished:
         try:
             return _parse(self.path.read_bytes(), self.key, (film.height, film.width, 3))
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            log.warning("the unfinished reference %s is damaged (%s); it will be made again", self.path, error)
+            log.warning(
+                "the unfinished reference %s is damaged (%s); it will be made again", self.path, error
+            )
             return None
 
     def keep(self, tally: Tally) -> None:
@@ -63,7 +65,9 @@ class Unfinished:
         if tally is None:
             return
         told = {"key": self.key, "spp": tally.spp, "batches": tally.batches, "seconds": tally.seconds}
-        content = to_npz({"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in told.items()})
+        content = to_npz(
+            {"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in told.items()}
+        )
         draft = self.path.with_name(f".{self.path.name}.{os.getpid()}")
         try:
             draft.write_bytes(hashlib.sha256(content).digest() + content)

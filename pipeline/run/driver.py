@@ -32,7 +32,9 @@ REFERENCES = "references"
 
 @dataclass(frozen=True)
 class Summary:
-    """What a run did. made: references, cells and scores made anew; the rest was there. failures: in words."""
+    """What a run did. made: references, cells and scores made anew; the rest was there. failures: in
+    words.
+    """
 
     cells: int
     made: dict[str, int]
@@ -55,11 +57,12 @@ class _Work:
 
 
 def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, listener: Listener) -> Summary:
-    """Make what the folder `root` lacks of the sweep; a cell that fails is told in the summary and does not stop the others.
+    """Make what the folder `root` lacks of the sweep; a cell that fails is told in the summary and does not
+    stop the others.
 
-    name: of the sweep, for messages and the manifest. PenumbraError where a scene cannot be read, before anything is
-    written; where the folder cannot be written or holds the run of another sweep; where another run is at work in it; where a
-    reference cannot be made.
+    name: of the sweep, for messages and the manifest. PenumbraError where a scene cannot be read, before
+    anything is written; where the folder cannot be written or holds the run of another sweep; where another
+    run is at work in it; where a reference cannot be made.
     """
     plans = lay_out(sweep, name)
     store = create_store(root)
@@ -84,7 +87,10 @@ def _manifest(work: _Work) -> Manifest:
     studies = [
         StudyEntry(
             name=plan.study.name,
-            cells=[CellEntry(key=cell.key, job=cell.job, score=_score_key(work, plan, cell)) for cell in plan.cells],
+            cells=[
+                CellEntry(key=cell.key, job=cell.job, score=_score_key(work, plan, cell))
+                for cell in plan.cells
+            ],
             left_out=list(plan.left_out),
         )
         for plan in work.plans
@@ -103,7 +109,9 @@ def _version(backend: str) -> str:
 
 
 def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
-    """What to ask for each reference, by key: the most that a study wants of it, so that all studies see the same image."""
+    """What to ask for each reference, by key: the most that a study wants of it, so that all studies see the
+    same image.
+    """
     requests: dict[str, ReferenceRequest] = {}
     for plan in plans:
         for key in {_reference_key(plan, variant) for variant in plan.variants}:
@@ -113,7 +121,9 @@ def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
 
 
 def _check_folder(store: Store, manifest: Manifest) -> None:
-    """PenumbraError where the folder's manifest names cells that would be forgotten if `manifest` took its place."""
+    """PenumbraError where the folder's manifest names cells that would be forgotten if `manifest` took its
+    place.
+    """
     try:
         lost = replaces(store.read_manifest(), manifest)
     except PenumbraError:  # none yet, or of a version whose cells this one could not read anyway
@@ -135,7 +145,8 @@ METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator", "colour-
 
 @cache
 def metrics_fingerprint() -> str:
-    """SHA-256 over the sources of the metrics, their statistics and their regions, and the versions of the libraries behind them.
+    """SHA-256 over the sources of the metrics, their statistics and their regions, and the versions of the
+    libraries behind them.
 
     A changed formula or library scores anew and renders nothing.
     """
@@ -149,7 +160,9 @@ def metrics_fingerprint() -> str:
 
 
 def _references(work: _Work) -> dict[str, StoredReference]:
-    """Every distinct reference of the sweep, by key, made one after the other: each takes the whole machine."""
+    """Every distinct reference of the sweep, by key, made one after the other: each takes the whole
+    machine.
+    """
     wanted = {_reference_key(plan, v): (plan, v) for plan in work.plans for v in plan.variants}
     made: dict[str, StoredReference] = {}
     with work.listener.step("references", len(wanted)) as update:
@@ -190,7 +203,9 @@ def _score_tasks(work: _Work, references: Mapping[str, StoredReference]) -> Iter
             stored = references[_reference_key(plan, cell.variant)]
             metrics = tuple(plan.study.metrics)
             info = to_info(stored, root)
-            yield ScoreTask(root, _score_key(work, plan, cell), cell.key, cell.job, metrics, stored.path.parent, info)
+            yield ScoreTask(
+                root, _score_key(work, plan, cell), cell.key, cell.job, metrics, stored.path.parent, info
+            )
 
 
 def _missing(work: _Work, key: str, read: Callable[[str], BaseModel | None]) -> bool:

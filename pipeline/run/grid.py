@@ -49,7 +49,9 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class StudyPlan:
-    """The grid of one study, less what does not apply; `cells` in the order of the axes, seeds outermost, then the baselines."""
+    """The grid of one study, less what does not apply; `cells` in the order of the axes, seeds outermost,
+    then the baselines.
+    """
 
     study: Study
     variants: tuple[SceneVariant, ...]
@@ -60,11 +62,14 @@ class StudyPlan:
     def request(self) -> ReferenceRequest:
         """What to ask of the reference backend."""
         reference, quantity = self.study.reference, quantity_of(self.study.axes.estimator, self.study.name)
-        return ReferenceRequest(spp=reference.spp, batches=reference.batches, seed=reference.seed, quantity=quantity)
+        return ReferenceRequest(
+            spp=reference.spp, batches=reference.batches, seed=reference.seed, quantity=quantity
+        )
 
 
 def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
-    """Read every scene of the sweep and lay out its grids; PenumbraError where a scene cannot be read or nothing is left.
+    """Read every scene of the sweep and lay out its grids; PenumbraError where a scene cannot be read or
+    nothing is left.
 
     source: the sweep's name, for messages.
     """
@@ -81,9 +86,11 @@ def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
 
 
 def cell_key(scene_hash: str, job: Job, renderer: str) -> str:
-    """The content address of a cell: everything that its image depends on, names of scenes and parameters not being in it.
+    """The content address of a cell: everything that its image depends on, names of scenes and parameters not
+    being in it.
 
-    renderer: `renderer.fingerprint()`. A change of the renderer, of the scene's content or of the record's schema gives another key.
+    renderer: `renderer.fingerprint()`. A change of the renderer, of the scene's content or of the record's
+    schema gives another key.
     """
     parts = (scene_hash, job.estimator, job.sampler, job.spp, job.seed, renderer, SCHEMA_VERSION)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
@@ -101,7 +108,9 @@ def _plan(study: Study, path: str) -> StudyPlan:
     pictures, without_picture = _baselines(study, variants)
     left_out = tuple(_distinct([*without_reference, *without_estimator, *without_picture]))
     if not cells:
-        raise PenumbraError(f"{path}: nothing is left to render: {'; '.join(describe(item) for item in left_out)}")
+        raise PenumbraError(
+            f"{path}: nothing is left to render: {'; '.join(describe(item) for item in left_out)}"
+        )
     return StudyPlan(study, tuple(variants), (*cells, *pictures), left_out)
 
 
@@ -118,7 +127,9 @@ def _variants(study: Study, path: str) -> Iterator[SceneVariant]:
             scene = load(name, parameters)
         except PenumbraError as error:
             given = ", ".join(f"{key} = {value:g}" for key, value in parameters.items())
-            raise PenumbraError(f"{path}: scene {name}{f' with {given}' if given else ''}: {error}") from error
+            raise PenumbraError(
+                f"{path}: scene {name}{f' with {given}' if given else ''}: {error}"
+            ) from error
         lit = scene.lights or any(shape.emission for shape in scene.shapes)
         if not lit and quantity_of(study.axes.estimator, study.name) == "radiance":
             raise PenumbraError(f"{path}: scene {name} has no lights: nothing in it would be lit or seen")
@@ -143,7 +154,9 @@ def _applicable(study: Study, variants: Sequence[SceneVariant]) -> tuple[dict[st
     applicable: dict[str, set[str]] = {str(variant): set() for variant in variants}
     notes: list[LeftOut] = []
     for variant, estimator in itertools.product(variants, study.axes.estimator):
-        reason = ESTIMATORS[estimator].refuses(variant.scene) or judges_itself(study.reference.backend, estimator)
+        reason = ESTIMATORS[estimator].refuses(variant.scene) or judges_itself(
+            study.reference.backend, estimator
+        )
         if reason is None:
             applicable[str(variant)].add(estimator)
         else:
@@ -152,7 +165,9 @@ def _applicable(study: Study, variants: Sequence[SceneVariant]) -> tuple[dict[st
 
 
 def _baselines(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[Cell], list[LeftOut]]:
-    """The rasterised picture of each variant, where the study asks for it, and notes on those that cannot be had."""
+    """The rasterised picture of each variant, where the study asks for it, and notes on those that cannot be
+    had.
+    """
     cells: list[Cell] = []
     notes: list[LeftOut] = []
     shading = quantity_of(study.axes.estimator, study.name) == "radiance"
@@ -169,7 +184,9 @@ def _baselines(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[Cel
             )
             cells.append(Cell(cell_key(variant.hash, job, baseline.fingerprint()), job, variant))
         else:
-            notes.append(LeftOut(study=study.name, scene=str(variant), what=f"baseline {baseline.NAME}", reason=reason))
+            notes.append(
+                LeftOut(study=study.name, scene=str(variant), what=f"baseline {baseline.NAME}", reason=reason)
+            )
     return cells, notes
 
 
@@ -193,8 +210,8 @@ def _jobs(study: Study, variants: Sequence[SceneVariant]) -> Iterator[tuple[Scen
 def fair_order(cells: Iterable[Cell]) -> list[Cell]:
     """The order to render in: one round for each seed, shuffled within the round, each key once.
 
-    Randomised blocks: a machine that warms up or is shared for a while then slows all estimators alike, and no
-    estimator always falls to the same worker. The shuffle is a function of the cells alone.
+    Randomised blocks: a machine that warms up or is shared for a while then slows all estimators alike, and
+    no estimator always falls to the same worker. The shuffle is a function of the cells alone.
     """
     rounds: dict[int, dict[str, Cell]] = {}
     seen: set[str] = set()

@@ -41,8 +41,13 @@ def prepare(scene: str, parameters: Mapping[str, float]) -> PreparedScene:
 
 
 def run_job(job: Job, scene: PreparedScene) -> JobResult:
-    """Render `job` with one thread. The image is a function of the arguments; times and the record's date are not."""
-    result = render(scene.built, estimator=job.estimator, sampler=job.sampler, spp=job.spp, seed=job.seed, threads=1)
+    """Render `job` with one thread.
+
+    The image is a function of the arguments; times and the record's date are not.
+    """
+    result = render(
+        scene.built, estimator=job.estimator, sampler=job.sampler, spp=job.spp, seed=job.seed, threads=1
+    )
     return JobResult(_record(job, scene, result), result)
 
 

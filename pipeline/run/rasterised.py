@@ -16,8 +16,9 @@ from renderer.film import Film
 def run_baseline(job: Job, scene: PreparedScene) -> tuple[Record, Film]:
     """Draw the scene of a baseline's job; PenumbraError where OpenGL does not work here.
 
-    The film counts one sample a pixel, in its middle, which is no random sample: nothing is to be read from its spread. Seconds of
-    building are those of making triangles; starting a process for OpenGL is left out, as our own warm-up is.
+    The film counts one sample a pixel, in its middle, which is no random sample: nothing is to be read from
+    its spread. Seconds of building are those of making triangles; starting a process for OpenGL is left out,
+    as our own warm-up is.
     """
     (drawn,) = rasterise([scene.built.description])
     image = drawn.image

@@ -1,6 +1,8 @@
-"""The label images of a run: regions/<key>/{map.json,regions.exr}, one for each scene, made once and read by every scorer.
+"""The label images of a run: regions/<key>/{map.json,regions.exr}, one for each scene, made once and read by
+every scorer.
 
-The key is of the scene's content, the renderer's sources and this pass's own. Of two workers that want the same map one waits.
+The key is of the scene's content, the renderer's sources and this pass's own. Of two workers that want the
+same map one waits.
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ FOLDER, MAP, LABELS_EXR = "regions", "map.json", "regions.exr"
 
 
 def region_map(root: Path, scene: PreparedScene) -> tuple[RegionMap, Regions] | None:
-    """The regions of a scene and where their label image lies in the run folder `root`; made if need be. None without lights."""
+    """The regions of a scene and where their label image lies in the run folder `root`; made if need be.
+
+    None without lights.
+    """
     key = region_key(scene.hash)
     entry = root / FOLDER / key
     found = _read(entry)

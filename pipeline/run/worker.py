@@ -1,4 +1,7 @@
-"""What a worker process does: render a cell, or score one, and store it. Scenes and references are kept between items."""
+"""What a worker process does: render a cell, or score one, and store it.
+
+Scenes and references are kept between items.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,9 @@ REFERENCES_KEPT = 4
 
 @dataclass(frozen=True)
 class RenderTask:
-    """A cell to render into the run folder `root`. scene_hash: what the scene was when the sweep was laid out."""
+    """A cell to render into the run folder `root`. scene_hash: what the scene was when the sweep was laid
+    out.
+    """
 
     root: Path
     key: str
@@ -89,7 +94,9 @@ def _store(store: Store, record: Record, film: Film, tail: Floats) -> None:
 
 @functools.lru_cache(maxsize=SCENES_KEPT)
 def _scene(name: str, parameters: tuple[tuple[str, float], ...], scene_hash: str) -> PreparedScene:
-    """The scene, built once a worker; its record tells the seconds that this took, also where it is found here."""
+    """The scene, built once a worker; its record tells the seconds that this took, also where it is found
+    here.
+    """
     scene = prepare(name, dict(parameters))
     if scene.hash != scene_hash:
         raise PenumbraError(f"scene {name} changed while the run was at work; run it again")
@@ -105,7 +112,10 @@ def _warm_up(
 
 
 def score_cell(task: ScoreTask) -> str:
-    """Score a cell by every metric of its study, whole and by region, and store the card with its maps. Returns its key."""
+    """Score a cell by every metric of its study, whole and by region, and store the card with its maps.
+
+    Returns its key.
+    """
     why = judges_itself(task.info.backend, task.job.estimator)
     if why:
         raise PenumbraError(why)
@@ -127,7 +137,9 @@ def score_cell(task: ScoreTask) -> str:
 
 
 def _estimate(store: Store, task: ScoreTask) -> Estimate:
-    """The image, alone where it has no samples; its variance only where the samples tell it: two or more of a sampler whose samples are independent."""
+    """The image, alone where it has no samples; its variance only where the samples tell it: two or more of a
+    sampler whose samples are independent.
+    """
     state = store.read_state(task.cell)
     if task.job.estimator == BASELINE:
         return Estimate(state["mean"])
@@ -148,7 +160,9 @@ def _regions(store: Store, task: ScoreTask) -> tuple[RegionMap | None, Regions |
 
 
 def _with_umbra(reference: Reference, regions: Regions | None) -> Reference:
-    """The umbra is what both hold to be dark: no sample of the visibility pass arrived, and none of the reference's."""
+    """The umbra is what both hold to be dark: no sample of the visibility pass arrived, and none of the
+    reference's.
+    """
     if regions is None or regions.dark.shape != reference.mean.shape[:2]:
         return reference
     return replace(reference, umbra=regions.dark & ~np.any(reference.mean != 0, axis=-1))

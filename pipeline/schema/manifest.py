@@ -31,7 +31,8 @@ class LeftOut(_Frozen):
 class CellEntry(_Frozen):
     """One cell: its job as this sweep names it, and where its record and scores are found.
 
-    Cells are addressed by content, so that two names for one scene share a record; the job here is the one to show.
+    Cells are addressed by content, so that two names for one scene share a record; the job here is the one to
+    show.
     """
 
     key: str = Field(description="cells/<key>/")
@@ -60,8 +61,8 @@ class Manifest(_Frozen):
 def replaces(old: Manifest, new: Manifest) -> str | None:
     """What would be forgotten if `new` took the place of `old`, in words; None where nothing would.
 
-    The same sweep may go on, also with changed code, and a sweep that was added to or is scored otherwise. Another sweep
-    would leave cells in the folder that no manifest names.
+    The same sweep may go on, also with changed code, and a sweep that was added to or is scored otherwise.
+    Another sweep would leave cells in the folder that no manifest names.
     """
     if old.sweep == new.sweep:
         return None
@@ -74,6 +75,7 @@ def replaces(old: Manifest, new: Manifest) -> str | None:
         gone = [cell.job for cell in study.cells if cell.job not in studies[study.name]]
         if gone:
             return (
-                f"holds a run of an earlier {old.name!r} with {len(gone)} cells in {study.name!r} that it has no more"
+                f"holds a run of an earlier {old.name!r} with {len(gone)} cells in {study.name!r} that "
+                "it has no more"
             )
     return None

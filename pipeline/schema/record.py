@@ -1,7 +1,8 @@
 """What a run leaves behind, as versioned JSON: the job, what it cost, what it measured, and what made it.
 
-Every number that a report shows comes from here. Units: seconds; radiance in W/(m^2 sr); counts of rays. A record is read back as it was:
-NaN and infinities, which JSON lacks, are the strings "NaN", "Infinity" and "-Infinity" in it. What commands print has null in their place.
+Every number that a report shows comes from here. Units: seconds; radiance in W/(m^2 sr); counts of rays. A
+record is read back as it was: NaN and infinities, which JSON lacks, are the strings "NaN", "Infinity" and
+"-Infinity" in it. What commands print has null in their place.
 """
 
 from __future__ import annotations
@@ -58,11 +59,13 @@ class PlanDecision(_Frozen):
 class SampleStatistics(_Frozen):
     """What the samples themselves say of the estimate, without any reference.
 
-    noise: root mean square over pixels and channels of the standard error that independent samples would have.
-    max_share: the largest reflected sample's share in all the reflected light of the image; in one pixel a large share means nothing, as a
+    noise: root mean square over pixels and channels of the standard error that independent samples would
+    have. max_share: the largest reflected sample's share in all the reflected light of the image; in one
+    pixel a large share means nothing, as a
         penumbra pixel rightly has one lit sample of 64.
-    hill: Hill's tail index of the largest reflected samples; below 2 the variance is not to be believed. None: too few samples.
-    verdict, reason: what these figures come to, and why, as a sentence (pipeline/statistics/samples.py).
+    hill: Hill's tail index of the largest reflected samples; below 2 the variance is not to be believed.
+    None: too few samples. verdict, reason: what these figures come to, and why, as a sentence
+    (pipeline/statistics/samples.py).
     """
 
     noise: float
@@ -87,7 +90,8 @@ class Provenance(_Frozen):
 
 
 class Score(_Frozen):
-    """A metric's value with its 95 % interval; `bound` says that `value` is an upper bound, the reference being too noisy for more.
+    """A metric's value with its 95 % interval; `bound` says that `value` is an upper bound, the reference
+    being too noisy for more.
 
     Where a metric is better higher the bound is a lower one. value None: undefined here (`note` says why).
     """
@@ -130,7 +134,9 @@ class Record(_Frozen):
 
 
 class RegionMap(_Frozen):
-    """The label image of a scene's picture (pipeline/studies/regions.py): channels region, visibility, dark."""
+    """The label image of a scene's picture (pipeline/studies/regions.py): channels region, visibility,
+    dark.
+    """
 
     schema_version: Literal[2] = SCHEMA_VERSION
     scene_hash: str
@@ -154,6 +160,10 @@ class ScoreCard(_Frozen):
     cell: str
     reference: ReferenceInfo
     scores: dict[str, Score]
-    error_map: str | None = Field(default=None, description="path of an error-map EXR relative to the run's folder")
-    regions: dict[str, RegionScores] = Field(default_factory=dict, description="by name; none where no light is scored")
+    error_map: str | None = Field(
+        default=None, description="path of an error-map EXR relative to the run's folder"
+    )
+    regions: dict[str, RegionScores] = Field(
+        default_factory=dict, description="by name; none where no light is scored"
+    )
     region_map: RegionMap | None = None

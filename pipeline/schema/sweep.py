@@ -1,4 +1,5 @@
-"""A sweep as its author declares it: a TOML file of one or more studies, each a grid of cells and a reference.
+"""A sweep as its author declares it: a TOML file of one or more studies, each a grid of cells and a
+reference.
 
     title = "My sweep"
 
@@ -27,7 +28,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from scenes.errors import PenumbraError
 
@@ -55,9 +64,14 @@ def _seed_list(value: Any) -> Any:
 Names = Annotated[list[str], Field(min_length=1), AfterValidator(_distinct)]
 Samples = Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1), AfterValidator(_distinct)]
 Seeds = Annotated[
-    list[Annotated[int, Field(ge=0)]], Field(min_length=1), AfterValidator(_distinct), BeforeValidator(_seed_list)
+    list[Annotated[int, Field(ge=0)]],
+    Field(min_length=1),
+    AfterValidator(_distinct),
+    BeforeValidator(_seed_list),
 ]
-Values = Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=1), AfterValidator(_distinct)]
+Values = Annotated[
+    list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=1), AfterValidator(_distinct)
+]
 
 
 class _Strict(BaseModel):
@@ -76,7 +90,8 @@ class ReferenceDeclaration(_Strict):
     def _enough(self) -> ReferenceDeclaration:
         if self.spp < self.batches:
             raise ValueError(
-                f"spp = {self.spp} cannot be dealt to batches = {self.batches}; give at least one sample a batch"
+                f"spp = {self.spp} cannot be dealt to batches = {self.batches}; give at least one "
+                "sample a batch"
             )
         return self
 
@@ -113,7 +128,9 @@ class Study(_Strict):
         if self.over not in allowed:
             raise ValueError(f"over = {self.over!r} is no axis of this study; allowed: {', '.join(allowed)}")
         if self.baseline and self.over != "spp":
-            raise ValueError(f'baseline = {self.baseline!r} is a point of error against time, which needs over = "spp"')
+            raise ValueError(
+                f'baseline = {self.baseline!r} is a point of error against time, which needs over = "spp"'
+            )
         return self
 
 
@@ -139,13 +156,16 @@ def builtin_sweeps() -> dict[str, Path]:
 
 
 def load_sweep(name_or_path: str) -> Sweep:
-    """The built-in sweep of that name, or the one in that TOML file; PenumbraError naming file, key path and what is allowed."""
+    """The built-in sweep of that name, or the one in that TOML file; PenumbraError naming file, key path and
+    what is allowed.
+    """
     path = builtin_sweeps().get(name_or_path)
     if path is None:
         path = Path(name_or_path)
         if path.suffix != ".toml":
             raise PenumbraError(
-                f"unknown sweep {name_or_path!r}; there are: {', '.join(builtin_sweeps())}, or give a .toml file"
+                f"unknown sweep {name_or_path!r}; there are: {', '.join(builtin_sweeps())}, or give a "
+                ".toml file"
             )
     return parse_sweep(_text(path), str(path), path.parent)
 
@@ -222,7 +242,9 @@ def _lines(error: ValidationError) -> Iterator[str]:
 
 def _path(location: Sequence[str | int]) -> str:
     """A TOML-like key path, counted from 0."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(".")
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).removeprefix(
+        "."
+    )
 
 
 def _allowed(location: Sequence[str | int]) -> str:

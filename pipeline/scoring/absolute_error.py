@@ -1,4 +1,6 @@
-"""Means of absolute differences, plain or relative: no variance can be subtracted from them, so that noise makes them bounds."""
+"""Means of absolute differences, plain or relative: no variance can be subtracted from them, so that noise
+makes them bounds.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,12 @@ def absolute_score(
 ) -> Measured:
     """Mean over pixels and channels of |estimate - reference| * weight, with its interval.
 
-    The reference's noise is in it and only ever adds to its expectation (a mean of |d + e| over errors e of mean 0 is no less than |d|), by at
-    most 5 % where the reference's variance is a tenth of the squared error; beyond that the upper end is given, as a bound. A deterministic
-    reference (0 batches) may be off by b, of unknown sign: no pixel's score then by more than b * steepest, so that both ends of the interval move
-    out by the mean of that. steepest: (h, w, 3), what the score changes by at most per change of the reference; `weight` if not given.
+    The reference's noise is in it and only ever adds to its expectation (a mean of |d + e| over errors e of
+    mean 0 is no less than |d|), by at most 5 % where the reference's variance is a tenth of the squared
+    error; beyond that the upper end is given, as a bound. A deterministic reference (0 batches) may be off by
+    b, of unknown sign: no pixel's score then by more than b * steepest, so that both ends of the interval
+    move out by the mean of that. steepest: (h, w, 3), what the score changes by at most per change of the
+    reference; `weight` if not given.
     """
     if note := defect(estimate, reference):
         return undefined(metric, note)

@@ -22,8 +22,8 @@ Judges = Literal["error", "bias", "samples", "defects"]
 class Estimate:
     """An image under test, and what is known of its samples: None where only an image was given.
 
-    mean: (h, w, 3). variance: (h, w, 3) of the mean. count: (h, w), samples a pixel. maximum: (h, w, 3), the largest sample of
-    reflected light of each pixel and channel.
+    mean: (h, w, 3). variance: (h, w, 3) of the mean. count: (h, w), samples a pixel. maximum: (h, w, 3), the
+    largest sample of reflected light of each pixel and channel.
     """
 
     mean: Image
@@ -34,7 +34,8 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The image it is measured against. mean, variance (of the mean): (h, w, 3); batches: what the variance was estimated from.
+    """The image it is measured against. mean, variance (of the mean): (h, w, 3); batches: what the variance
+    was estimated from.
 
     umbra: (h, w), the pixels that no light reaches, None where no visibility pass told them.
     """
@@ -47,7 +48,8 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """over: the score of the pixels of a mask (h, w), which holds one pixel at least. map: (h, w), where the metric has one.
+    """over: the score of the pixels of a mask (h, w), which holds one pixel at least. map: (h, w), where the
+    metric has one.
 
     score: that of the whole image. The map is computed once, however many regions are asked for.
     """
@@ -59,10 +61,12 @@ class Measured:
 
 @runtime_checkable
 class Metric(Protocol):
-    """`better` says which way is good, "zero" that either sign is bad; `unit` is for axes and tables; `source`: who defines it.
+    """`better` says which way is good, "zero" that either sign is bad; `unit` is for axes and tables;
+    `source`: who defines it.
 
-    judges: "error" grows with any difference, noise or bias; "bias" is a mean of signed differences, in which noise averages out;
-    "samples" asks the estimate's own samples and not the reference; "defects" counts what should not be there at all.
+    judges: "error" grows with any difference, noise or bias; "bias" is a mean of signed differences, in which
+    noise averages out; "samples" asks the estimate's own samples and not the reference; "defects" counts what
+    should not be there at all.
     """
 
     name: str
@@ -73,7 +77,10 @@ class Metric(Protocol):
     source: str
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score `estimate` against `reference`; both (h, w, 3). Raises PenumbraError where their sizes differ."""
+        """Score `estimate` against `reference`; both (h, w, 3).
+
+        Raises PenumbraError where their sizes differ.
+        """
         ...
 
 

@@ -1,14 +1,15 @@
 """The standard error of a mean over pixels, from one image.
 
-Pixels are independent (box filter), but each is drawn once and no two are alike, so that the variance of the mean of a map
-q cannot be had from the spread of q over the image: that spread holds the image's own structure. It is had
-from the spread within blocks of four neighbours, whose expectation is the variance sought plus the spread of four neighbouring
-expectations, never less: the collapsed strata of survey sampling with one unit a stratum [cochran1977] section
-5A.12. It asks for no distribution (2/3 of the sum of d^4, the estimate for normal errors, is a third too large across a
-penumbra of one sample a pixel, and a third too small for fireflies) and takes the pixel, not the channel, as the unit, so that the channels
-may be correlated as they like. Being a scale, an error has its interval on the logarithmic scale, always positive. No
-interval from one image helps where the errors themselves are heavy-tailed (for lognormal errors of parameter 1.5 it covers
-80 %): the samples' own verdict tells (statistics/samples.py).
+Pixels are independent (box filter), but each is drawn once and no two are alike, so that the variance of the
+mean of a map q cannot be had from the spread of q over the image: that spread holds the image's own
+structure. It is had from the spread within blocks of four neighbours, whose expectation is the variance
+sought plus the spread of four neighbouring expectations, never less: the collapsed strata of survey sampling
+with one unit a stratum [cochran1977] section 5A.12. It asks for no distribution (2/3 of the sum of d^4, the
+estimate for normal errors, is a third too large across a penumbra of one sample a pixel, and a third too
+small for fireflies) and takes the pixel, not the channel, as the unit, so that the channels may be correlated
+as they like. Being a scale, an error has its interval on the logarithmic scale, always positive. No interval
+from one image helps where the errors themselves are heavy-tailed (for lognormal errors of parameter 1.5 it
+covers 80 %): the samples' own verdict tells (statistics/samples.py).
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from pipeline.statistics.intervals import NORMAL
 
 
 def standard_error(pixel: Image, mask: Mask | None = None) -> float:
-    """Of the mean of a map of independent pixels over a mask, from the spread within blocks of 2 x 2; too small by chance only.
+    """Of the mean of a map of independent pixels over a mask, from the spread within blocks of 2 x 2; too
+    small by chance only.
 
-    pixel, mask: (h, w). A block of m pixels adds m times its sample variance to the estimated sum of the pixels' variances; an odd row or
-    column joins the block before it. Where a mask leaves single pixels in their blocks, these are paired in the order of
-    the image; a last one without a mate stands for its own deviation from 0.
+    pixel, mask: (h, w). A block of m pixels adds m times its sample variance to the estimated sum of the
+    pixels' variances; an odd row or column joins the block before it. Where a mask leaves single pixels in
+    their blocks, these are paired in the order of the image; a last one without a mate stands for its own
+    deviation from 0.
     """
     inside = np.ones(pixel.shape, dtype=np.bool_) if mask is None else mask
     q = np.where(inside, pixel, 0.0)

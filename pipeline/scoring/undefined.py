@@ -28,7 +28,8 @@ def same_size(estimate: Estimate, reference: Reference) -> None:
     """PenumbraError where the two differ in size, which is the caller's error."""
     if estimate.mean.shape != reference.mean.shape:
         raise PenumbraError(
-            f"images of different sizes: {_size(estimate.mean)} against a reference of {_size(reference.mean)}"
+            f"images of different sizes: {_size(estimate.mean)} against a reference of "
+            f"{_size(reference.mean)}"
         )
 
 

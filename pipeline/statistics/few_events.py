@@ -1,19 +1,24 @@
-"""The mean of few large samples against a mean that is known: a test that asks nothing of the samples' own variance.
+"""The mean of few large samples against a mean that is known: a test that asks nothing of the samples' own
+variance.
 
-Where a few large samples make up the light, and nothing tells how rare they are, the samples' variance is no help: a
-region in which none was met has no variance at all, and a test that divides by it rejects the truth with certainty. What is known
-is how large samples get: n independent draws from [0, w] (or [v, w], measured from v) of mean m come to a mean as far off as s with a probability of at most
+Where a few large samples make up the light, and nothing tells how rare they are, the samples' variance is no
+help: a region in which none was met has no variance at all, and a test that divides by it rejects the truth
+with certainty. What is known is how large samples get: n independent draws from [0, w] (or [v, w], measured
+from v) of mean m come to a mean as far off as s with a probability of at most
 
     2 exp(-n [s/w ln(s/m) + (1 - s/w) ln((1 - s/w) / (1 - m/w))])
 
-whatever their distribution is, and also if each has one of its own (Hoeffding [hoeffding1963], Theorem 1). Where a region met no light it comes to
-(1 - m/w)^n: the chance of meeting none of the n m / w samples of the largest kind that make up the region's light. Where the truth is
-black any light at all rejects; where no draw of the whole image met any, nothing is known of w and nothing is tested; where it is nearly black, light that would have to come from many more large samples than there can be.
+whatever their distribution is, and also if each has one of its own (Hoeffding [hoeffding1963], Theorem 1).
+Where a region met no light it comes to (1 - m/w)^n: the chance of meeting none of the n m / w samples of the
+largest kind that make up the region's light. Where the truth is black any light at all rejects; where no draw
+of the whole image met any, nothing is known of w and nothing is tested; where it is nearly black, light that
+would have to come from many more large samples than there can be.
 
-The bound w is the largest draw of the whole image, which is the most that the samples can tell; light in still larger samples that no
-pixel has met is the business of the heavy-tail guard (heavy_tail.py). Beyond EVENTS such samples in a region its own variance
-is believed, as Welch's test is far sharper; with one correction. Of K events where L were due, mean and variance go as K, so that a
-mean that is low by chance comes with a variance that is too low: 65 events or fewer of 100 have a probability of 1.2e-4, and are 4.3 of
+The bound w is the largest draw of the whole image, which is the most that the samples can tell; light in
+still larger samples that no pixel has met is the business of the heavy-tail guard (heavy_tail.py). Beyond
+EVENTS such samples in a region its own variance is believed, as Welch's test is far sharper; with one
+correction. Of K events where L were due, mean and variance go as K, so that a mean that is low by chance
+comes with a variance that is too low: 65 events or fewer of 100 have a probability of 1.2e-4, and are 4.3 of
 their own standard errors, 2e-5, off. The variance is taken for L events, which makes it Poisson's own.
 """
 
@@ -31,7 +36,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 EVENTS = 100.0  # of the largest draws in a region's light, which then has a relative error of a tenth at most
-DOUBT = 6.0  # standard errors that a sampled reference's mean may be off by: 2e-9, below every level that is asked for
+# standard errors that a sampled reference's mean may be off by: 2e-9, below every level that is asked for
+DOUBT = 6.0
 
 
 def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
@@ -46,7 +52,9 @@ def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
 
 
 def as_due(side: Moments, reference: Moments) -> Moments:
-    """`side` with the variance that it would have if as many events had come as the reference says were due, where fewer came."""
+    """`side` with the variance that it would have if as many events had come as the reference says were due,
+    where fewer came.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(side.mean > 0, reference.mean / side.mean, 1.0)
     return replace(side, variance=side.variance * np.maximum(factor, 1.0))
@@ -64,9 +72,12 @@ def bounded_p(draws: Draws, pixels: Array, mean: Array, reference: Moments, slac
     reach = np.where(finite, slack, 0.0) + DOUBT * np.sqrt(reference.variance)
     truth = np.clip(np.clip(ours, theirs - reach, theirs + reach), least, largest)
     wide = largest > least
-    s, m = (np.divide(x - least, largest - least, out=np.zeros_like(least), where=wide) for x in (ours, truth))
+    s, m = (
+        np.divide(x - least, largest - least, out=np.zeros_like(least), where=wide) for x in (ours, truth)
+    )
     exponent = draws.count * pixels * (relative_entropy(s, m) + relative_entropy(1.0 - s, 1.0 - m))
-    # Draws that met no light tell nothing of how large it comes: where there is some, that is no evidence of bias.
+    # Draws that met no light tell nothing of how large it comes: where there is some, that is no evidence of
+    # bias.
     unknown = (draws.largest <= draws.least) & (ours == draws.least) & (reference.mean > ours)
     return np.where(finite, np.where(unknown, 1.0, np.minimum(1.0, 2.0 * np.exp(-exponent))), 0.0)
 

@@ -1,18 +1,18 @@
 """Can the variance of these samples be believed? Hill's tail index and the largest sample's share.
 
-A sample mean comes with a standard error only if the samples have a variance, and a heavy tail hides itself: until a
-sample falls into the peak, mean and standard error are both too small, and agree with each other. Two signs show it
-from the samples alone.
+A sample mean comes with a standard error only if the samples have a variance, and a heavy tail hides itself:
+until a sample falls into the peak, mean and standard error are both too small, and agree with each other. Two
+signs show it from the samples alone.
 
 Share: one sample that carries a tenth of the sum. Drawing it anew moves the mean by a tenth or more.
 
-Tail index: among the k largest of n samples, P(W > w) ~ w^-alpha. Hill's estimator [hill1975] is the reciprocal of the
-mean log-excess over the (k+1)-st largest; for an exact power law alpha / estimate is a mean of k unit exponentials, which
-gives the interval. Below 2 the variance is infinite as far as the samples show. Here k = floor(sqrt(n)), which grows
-while k/n falls, as consistency asks [mason1982]. With bounded weights the largest samples crowd at the
-bound, the log-excesses shrink and the index goes to infinity, so that the sign is silent; a power law that is cut off inside the
-range the samples have already reached (a light at some distance) reads as a large index likewise, and rightly: there
-is no unseen peak.
+Tail index: among the k largest of n samples, P(W > w) ~ w^-alpha. Hill's estimator [hill1975] is the
+reciprocal of the mean log-excess over the (k+1)-st largest; for an exact power law alpha / estimate is a mean
+of k unit exponentials, which gives the interval. Below 2 the variance is infinite as far as the samples show.
+Here k = floor(sqrt(n)), which grows while k/n falls, as consistency asks [mason1982]. With bounded weights
+the largest samples crowd at the bound, the log-excesses shrink and the index goes to infinity, so that the
+sign is silent; a power law that is cut off inside the range the samples have already reached (a light at some
+distance) reads as a large index likewise, and rightly: there is no unseen peak.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ SAMPLES_LEAST = TOP_LEAST**2  # as k is the root of n
 
 @dataclass(frozen=True)
 class TailIndex:
-    """Hill's index of the `top` largest samples with its 95 % interval; all infinite where these are all equal."""
+    """Hill's index of the `top` largest samples with its 95 % interval; all infinite where these are all
+    equal.
+    """
 
     value: float
     low: float
@@ -43,18 +45,25 @@ class TailIndex:
 
     @property
     def heavy(self) -> bool:
-        """Whether the estimate is below 2; errors of either kind are then equally likely at a true index of 2."""
+        """Whether the estimate is below 2; errors of either kind are then equally likely at a true index of
+        2.
+        """
         return self.value < INDEX_LIMIT
 
     def __str__(self) -> str:
-        return f"the tail index of the {self.top:,} largest is {self.value:.3g} ({self.low:.3g} to {self.high:.3g})"
+        return (
+            f"the tail index of the {self.top:,} largest is {self.value:.3g} ({self.low:.3g} to "
+            f"{self.high:.3g})"
+        )
 
 
 def tail_index(largest: Array, drawn: int) -> TailIndex | None:
-    """Hill's estimator over the floor(sqrt(drawn)) largest samples, or over as many as are given and positive.
+    """Hill's estimator over the floor(sqrt(drawn)) largest samples, or over as many as are given and
+    positive.
 
-    largest: (k,) float64, the largest of `drawn` samples, in any order; what is not finite is left out. None with fewer than 100 samples drawn or
-    fewer than 11 positive ones. Source: [hill1975]; the interval is exact for a power law (gamma).
+    largest: (k,) float64, the largest of `drawn` samples, in any order; what is not finite is left out. None
+    with fewer than 100 samples drawn or fewer than 11 positive ones. Source: [hill1975]; the interval is
+    exact for a power law (gamma).
     """
     positive = np.sort(largest[(largest > 0) & np.isfinite(largest)])[::-1]
     top = min(int(np.sqrt(drawn)), positive.size - 1)

@@ -1,8 +1,9 @@
-"""Intervals: of a mean over replicates, of products and ratios, of efficiency, of an MSE over replicate seeds.
+"""Intervals: of a mean over replicates, of products and ratios, of efficiency, of an MSE over replicate
+seeds.
 
-Each cell of a sweep is rendered with several seeds. Replicates are what an interval is safely made of: they are
-independent whatever the sampler, while the film's M2 is a variance for independent samples only (under Sobol it is up to
-thousands of times too large).
+Each cell of a sweep is rendered with several seeds. Replicates are what an interval is safely made of: they
+are independent whatever the sampler, while the film's M2 is a variance for independent samples only (under
+Sobol it is up to thousands of times too large).
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ class Interval:
 
 @dataclass(frozen=True)
 class ReplicateMse:
-    """An MSE over replicate seeds. bound: `value` is an upper bound, below the reference's noise. value None: undefined, `note` says why."""
+    """An MSE over replicate seeds. bound: `value` is an upper bound, below the reference's noise. value None:
+    undefined, `note` says why.
+    """
 
     value: float | None
     low: float | None
@@ -47,7 +50,9 @@ class ReplicateMse:
 
 
 def mean_interval(values: Array | Sequence[float], confidence: float = CONFIDENCE) -> Interval:
-    """Mean of independent, equally distributed values with Student's interval; nan ends for a single one, and where one is infinite. values: (r,)."""
+    """Mean of independent, equally distributed values with Student's interval; nan ends for a single one, and
+    where one is infinite. values: (r,).
+    """
     x = np.asarray(values, dtype=np.float64)
     if x.size == 0:
         raise ValueError("no values")
@@ -59,10 +64,12 @@ def mean_interval(values: Array | Sequence[float], confidence: float = CONFIDENC
 
 
 def replicate_interval(values: Array | Sequence[float]) -> Interval:
-    """Mean over replicates with its interval: the bias-corrected bootstrap [efron1987] from ten on, Student's below.
+    """Mean over replicates with its interval: the bias-corrected bootstrap [efron1987] from ten on, Student's
+    below.
 
-    A bootstrap of three values has ten outcomes and covers three quarters; Student's, for scores that are means over an image and
-    so nearly normal, covers what it says. Replicates that are all alike have an interval of no width. values: (r,), finite.
+    A bootstrap of three values has ten outcomes and covers three quarters; Student's, for scores that are
+    means over an image and so nearly normal, covers what it says. Replicates that are all alike have an
+    interval of no width. values: (r,), finite.
     """
     x = np.asarray(values, dtype=np.float64)
     if x.size < BOOTSTRAP_LEAST or np.ptp(x) == 0.0:
@@ -73,8 +80,9 @@ def replicate_interval(values: Array | Sequence[float]) -> Interval:
 def product(*factors: tuple[Interval, float]) -> Interval:
     """The product of independent positive quantities, each to a power: (interval, power), ...
 
-    The distances of the ends are added in quadrature on the logarithmic scale, each side for itself, so that the intervals may be
-    Student's, skewed or normal: the MOVER method [zou2008]. An end of a factor at or below 0 gives an end at 0 or infinity.
+    The distances of the ends are added in quadrature on the logarithmic scale, each side for itself, so that
+    the intervals may be Student's, skewed or normal: the MOVER method [zou2008]. An end of a factor at or
+    below 0 gives an end at 0 or infinity.
     """
     value, below, above = 0.0, 0.0, 0.0
     for factor, power in factors:
@@ -89,7 +97,9 @@ def product(*factors: tuple[Interval, float]) -> Interval:
 
 
 def efficiency(mse: Interval, seconds: Interval) -> Interval:
-    """1 / (MSE x seconds), the reciprocal of the cost of a given error, with its interval [pharr2023] chapter 2."""
+    """1 / (MSE x seconds), the reciprocal of the cost of a given error, with its interval [pharr2023] chapter
+    2.
+    """
     if mse.value == 0:
         worst = mse.high * seconds.high
         return Interval(math.inf, 1.0 / worst if worst > 0 else math.inf, math.inf)
@@ -99,8 +109,9 @@ def efficiency(mse: Interval, seconds: Interval) -> Interval:
 def replicate_mse(scores: Sequence[Score]) -> ReplicateMse:
     """One MSE from the scores of replicate seeds: their mean, with Student's interval over them.
 
-    Fewer than three replicates bring their own intervals, pooled as independent, instead. One undefined replicate makes the result
-    undefined; one below the reference's noise makes it an upper bound, the mean of the replicates' own upper bounds.
+    Fewer than three replicates bring their own intervals, pooled as independent, instead. One undefined
+    replicate makes the result undefined; one below the reference's noise makes it an upper bound, the mean of
+    the replicates' own upper bounds.
     """
     if not scores:
         raise ValueError("no replicates")

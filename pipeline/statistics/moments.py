@@ -1,8 +1,8 @@
 """One side of a comparison of images: its mean, what is known of that mean's error, and both over regions.
 
-Two kinds of error are kept apart. A variance is that of independent noise: over a region of n pixels it falls as 1/n. A bound is
-what a quadrature or a float32 sum may be off by, of unknown sign and the same for neighbours as far as anybody knows: the bound of
-a region's mean is the mean of its pixels' bounds.
+Two kinds of error are kept apart. A variance is that of independent noise: over a region of n pixels it falls
+as 1/n. A bound is what a quadrature or a float32 sum may be off by, of unknown sign and the same for
+neighbours as far as anybody knows: the bound of a region's mean is the mean of its pixels' bounds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ WIDE = (9, 27)
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """The independent draws behind each pixel. count: how many. least, largest: (3,) float64, of the whole image, channel by channel.
+    """The independent draws behind each pixel. count: how many. least, largest: (3,) float64, of the whole
+    image, channel by channel.
 
     least: 0 for draws that are never negative.
     """
@@ -36,9 +37,10 @@ class Draws:
 class Moments:
     """One side of a comparison.
 
-    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where it is known
-    or the mean exact. samples: independent samples a pixel behind the mean; None where unknown or the mean exact. bound: (h, w, 3), what the
-    mean may be off by besides; None for nothing. draws: None where nothing is known of single ones (see few_events.py).
+    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where it
+    is known or the mean exact. samples: independent samples a pixel behind the mean; None where unknown or
+    the mean exact. bound: (h, w, 3), what the mean may be off by besides; None for nothing. draws: None where
+    nothing is known of single ones (see few_events.py).
     """
 
     mean: Array
@@ -50,7 +52,9 @@ class Moments:
 
     def __post_init__(self) -> None:
         if self.mean.shape != self.variance.shape:
-            raise ValueError(f"mean and variance of different shapes: {self.mean.shape} and {self.variance.shape}")
+            raise ValueError(
+                f"mean and variance of different shapes: {self.mean.shape} and {self.variance.shape}"
+            )
         if np.any(np.isfinite(self.mean) & ~(self.variance >= 0)):
             raise ValueError("a variance is negative or undefined: it takes 2 samples or batches at least")
         if self.bound is not None and (self.bound.shape != self.mean.shape or not np.all(self.bound >= 0)):
@@ -68,13 +72,17 @@ class Moments:
 
 
 def batch_moments(batches: Array, samples: float | int | None = None) -> Moments:
-    """The moments of independent batches of equal size. batches: (b, h, w, 3) float64, b >= 2; samples: a pixel, in all."""
+    """The moments of independent batches of equal size. batches: (b, h, w, 3) float64, b >= 2; samples: a
+    pixel, in all.
+    """
     count = batches.shape[0]
     return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
 
 
 def held_up(side: Moments, other: Moments) -> Moments:
-    """`side` with a variance of no less than the other side's samples would have at this side's number of them."""
+    """`side` with a variance of no less than the other side's samples would have at this side's number of
+    them.
+    """
     if side.samples is None or other.samples is None:
         return side
     known = np.where(np.isfinite(other.variance), other.variance, 0.0)
@@ -91,16 +99,20 @@ def steadied(side: Moments) -> Moments:
 
 
 def told(side: Moments, other: Moments) -> tuple[Array, Array]:
-    """Both variances (h, w, 3), to be summed up: 0 for what is not finite, and for the first where the other side is black without any variance."""
+    """Both variances (h, w, 3), to be summed up: 0 for what is not finite, and for the first where the other
+    side is black without any variance.
+    """
     black = (other.mean == 0) & (other.variance == 0)
     own, known = (np.where(np.isfinite(v), v, 0.0) for v in (side.variance, other.variance))
     return np.where(black, 0.0, own), known
 
 
 def with_excess(side: Moments, other: Moments) -> Moments:
-    """`side` with a variance of no less than the other side's samples would have and, on top of it, its own excess over that around.
+    """`side` with a variance of no less than the other side's samples would have and, on top of it, its own
+    excess over that around.
 
-    The excess is the mean over WIDE pixels square, the greatest of them; 0 where this side varies no more, as it does where both sample alike.
+    The excess is the mean over WIDE pixels square, the greatest of them; 0 where this side varies no more, as
+    it does where both sample alike.
     """
     if side.samples is None or other.samples is None:
         return side
@@ -111,10 +123,12 @@ def with_excess(side: Moments, other: Moments) -> Moments:
 
 
 def reduced(side: Moments, grid: tuple[int, int]) -> Moments:
-    """Means over a grid of regions (rows, columns), their variances, and Satterthwaite's degrees of freedom [welch1947].
+    """Means over a grid of regions (rows, columns), their variances, and Satterthwaite's degrees of freedom
+    [welch1947].
 
-    The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees of freedom; the
-    least over regions and channels is used, of which there are always hundreds. Bounds add up as they are.
+    The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees
+    of freedom; the least over regions and channels is used, of which there are always hundreds. Bounds add up
+    as they are.
     """
     variance = summed(side.variance, grid)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -50,7 +50,9 @@ def root(function: Callable[[float], float], low: float, high: float, tolerance:
 
 
 def box_mean(image: Array, size: int) -> Array:
-    """Mean over size x size pixels around each, channel by channel; the border repeats. image: (h, w, 3), all finite."""
+    """Mean over size x size pixels around each, channel by channel; the border repeats. image: (h, w, 3), all
+    finite.
+    """
     window: Any = (size, size, 1)
     return np.asarray(ndimage.uniform_filter(image, size=window, mode="nearest"), dtype=np.float64)
 
@@ -61,7 +63,9 @@ def box_maximum(image: Array, size: int) -> Array:
 
 
 def bootstrap_ends(values: Array, confidence: float) -> tuple[float, float]:
-    """The ends of the bias-corrected and accelerated bootstrap interval of a mean; the same for the same values. values: (n,)."""
+    """The ends of the bias-corrected and accelerated bootstrap interval of a mean; the same for the same
+    values. values: (n,).
+    """
     rng = np.random.default_rng(0)
     found: Any = stats.bootstrap(
         (values,), np.mean, confidence_level=confidence, n_resamples=2000, method="BCa", rng=rng

@@ -16,12 +16,14 @@ SMALLEST, LARGEST = 1e-9, 1e6  # relative biases between which the answer is sou
 def smallest_detectable(
     mean: Array, error: Array, dof: Array, level: float, slack: Array | float = 0.0, power: float = POWER
 ) -> float:
-    """The smallest bias e such that, were every true value (1 + e) times the reference's, the family would reject.
+    """The smallest bias e such that, were every true value (1 + e) times the reference's, the family would
+    reject.
 
-    mean, error (standard error of the difference), dof: (..., channels) float64. level: of each comparison, two-sided. slack: of the
-    means' shape, what a difference loses before it counts (an error bound). An error of inf is a comparison that promises nothing. The family
-    rejects if any comparison does; comparisons of one channel are independent, channels of a pixel are not, so the best single channel
-    counts. Returns inf where nothing could be caught (a black reference).
+    mean, error (standard error of the difference), dof: (..., channels) float64. level: of each comparison,
+    two-sided. slack: of the means' shape, what a difference loses before it counts (an error bound). An error
+    of inf is a comparison that promises nothing. The family rejects if any comparison does; comparisons of
+    one channel are independent, channels of a pixel are not, so the best single channel counts. Returns inf
+    where nothing could be caught (a black reference).
     """
     critical = student_tail(level / 2, dof)
     finite = np.isfinite(mean) & np.isfinite(error)  # what is not finite rejects at once, or promises nothing
@@ -41,7 +43,9 @@ def smallest_detectable(
 
 
 def _family_power(shift: Array, critical: Array, dof: Array) -> float:
-    """Probability that at least one comparison of the best channel rejects. shift: (..., channels) non-centralities."""
+    """Probability that at least one comparison of the best channel rejects. shift: (..., channels)
+    non-centralities.
+    """
     with np.errstate(divide="ignore"):
         missed = np.log(beta(shift, critical, dof))
     return float(np.max(-np.expm1(np.sum(missed.reshape(-1, missed.shape[-1]), axis=0))))
@@ -50,8 +54,9 @@ def _family_power(shift: Array, critical: Array, dof: Array) -> float:
 def beta(shift: Array, critical: Array, dof: Array) -> Array:
     """Probability that Student's t with non-centrality `shift` stays below `critical`, elementwise.
 
-    The normal approximation of [abramowitz1964] 26.7.10; at 7 degrees of freedom and more it is within 0.01 of the exact
-    distribution at the tails that matter here, and thousands of times faster. The other tail is not counted: the power is understated.
+    The normal approximation of [abramowitz1964] 26.7.10; at 7 degrees of freedom and more it is within 0.01
+    of the exact distribution at the tails that matter here, and thousands of times faster. The other tail is
+    not counted: the power is understated.
     """
     numerator = critical * (1.0 - 0.25 / dof) - shift
     return normal_cdf(numerator / np.sqrt(1.0 + critical**2 / (2.0 * dof)))

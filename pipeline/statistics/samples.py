@@ -1,4 +1,6 @@
-"""What the samples say of their own estimate, without any reference: noise, largest share, tail index, verdict."""
+"""What the samples say of their own estimate, without any reference: noise, largest share, tail index,
+verdict.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,8 @@ class SampleVerdict(NamedTuple):
 def sample_verdict(values: Array) -> SampleVerdict:
     """Whether the mean of these samples of one integral comes with a standard error that can be believed.
 
-    values: (n,) float64, non-negative sample weights at one point, zeros included. "untrustworthy" where a value is not
-    finite, where one sample carries a tenth of the sum, or where Hill's index is below 2.
+    values: (n,) float64, non-negative sample weights at one point, zeros included. "untrustworthy" where a
+    value is not finite, where one sample carries a tenth of the sum, or where Hill's index is below 2.
     """
     finite = values[np.isfinite(values)]
     share = largest_share(finite, float(np.sum(finite)))
@@ -48,14 +50,16 @@ def sample_statistics(
     nonfinite: int,
     maximum: Array | None = None,
 ) -> SampleStatistics:
-    """What a render's samples say of it; the arrays are those of the film, tail and counts those of the result.
+    """What a render's samples say of it; the arrays are those of the film, tail and counts those of the
+    result.
 
-    mean, m2: (h, w, 3) float64, mean and sum of squared deviations of the samples of each pixel. count: (h, w).
-    tail: (k,) float64, the largest luminances among the `reflected` samples of reflected light of the whole image, whose sum
-    is `reflected_sum`. nonfinite: samples that were not finite. maximum: (h, w, 3), the largest reflected sample of each
-    pixel and channel; with it, and from 16 samples a pixel on, a small tail index is blamed on noise only if single
-    samples make up most of the measured variance (`spike_share`): pooled over an image, the index of a perfectly
-    sampled small light close to a floor is small as well, because the image itself has that range.
+    mean, m2: (h, w, 3) float64, mean and sum of squared deviations of the samples of each pixel. count: (h,
+    w). tail: (k,) float64, the largest luminances among the `reflected` samples of reflected light of the
+    whole image, whose sum is `reflected_sum`. nonfinite: samples that were not finite. maximum: (h, w, 3),
+    the largest reflected sample of each pixel and channel; with it, and from 16 samples a pixel on, a small
+    tail index is blamed on noise only if single samples make up most of the measured variance
+    (`spike_share`): pooled over an image, the index of a perfectly sampled small light close to a floor is
+    small as well, because the image itself has that range.
     """
     share = largest_share(tail, reflected_sum)
     index = tail_index(tail, reflected)
@@ -72,7 +76,8 @@ def sample_statistics(
 
 
 def image_noise(m2: Array, count: NDArray[np.int64] | Array) -> float:
-    """Root mean square over pixels and channels of the standard error of independent samples; nan below 2 samples.
+    """Root mean square over pixels and channels of the standard error of independent samples; nan below 2
+    samples.
 
     m2: (h, w, 3) float64, sums of squared deviations. count: (h, w).
     """
@@ -85,10 +90,11 @@ def image_noise(m2: Array, count: NDArray[np.int64] | Array) -> float:
 def spike_share(mean: Array, m2: Array, count: NDArray[np.int64] | Array, maximum: Array) -> float | None:
     """How much of all squared deviations from the pixels' means is each pixel's largest sample alone, 0 to 1.
 
-    mean, m2, maximum: (h, w, 3) float64. count: (h, w). Its reciprocal is the number of samples a pixel that the measured variance
-    rests on. n samples give 3/n if uniform, about 2 ln(n)/n if normal, 2/n over a penumbra (one lit sample of n weighs
-    little beside the pixels with n/2); a peak that few samples have found gives nearly 1. Channels in which a mean exceeds
-    the largest reflected sample see a light directly and are left out. None below 16 samples a pixel, or without any spread.
+    mean, m2, maximum: (h, w, 3) float64. count: (h, w). Its reciprocal is the number of samples a pixel that
+    the measured variance rests on. n samples give 3/n if uniform, about 2 ln(n)/n if normal, 2/n over a
+    penumbra (one lit sample of n weighs little beside the pixels with n/2); a peak that few samples have
+    found gives nearly 1. Channels in which a mean exceeds the largest reflected sample see a light directly
+    and are left out. None below 16 samples a pixel, or without any spread.
     """
     if np.min(count) < SPIKE_SAMPLES:
         return None
@@ -100,9 +106,13 @@ def spike_share(mean: Array, m2: Array, count: NDArray[np.int64] | Array, maximu
     return min(1.0, float(np.sum(excess**2)) / spread)
 
 
-def _judge(share: float, index: TailIndex | None, nonfinite: int, drawn: int, spike: float | None) -> SampleVerdict:
+def _judge(
+    share: float, index: TailIndex | None, nonfinite: int, drawn: int, spike: float | None
+) -> SampleVerdict:
     """Gather the signs; each that is raised adds its sentence."""
-    alarms = [text for text in (_of_nonfinite(nonfinite), _of_share(share, drawn), _of_index(index, spike)) if text]
+    alarms = [
+        text for text in (_of_nonfinite(nonfinite), _of_share(share, drawn), _of_index(index, spike)) if text
+    ]
     hill = index.value if index else None
     if alarms:
         return SampleVerdict(share, hill, "untrustworthy", "; ".join(alarms))
@@ -134,6 +144,7 @@ def _all_well(share: float, index: TailIndex | None, drawn: int, spike: float | 
         return f"{largest}; too few of them are lit for a tail index"
     if index.heavy:
         return (
-            f"{largest}; {index}, but it is the image's own range: single samples make up {spike:.0%} of the variance"
+            f"{largest}; {index}, but it is the image's own range: single samples make up {spike:.0%} "
+            "of the variance"
         )
     return f"{largest}; {index}"

@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 class Slope:
     """log y = intercept + value * log x, natural logarithms.
 
-    se, low, high: standard error and 95 % interval of the slope. center, level, level_se: the mean of log x, the line's height there and
-    its standard error, which is independent of the slope's. factor: how many standard errors the interval's half is. points: how many.
+    se, low, high: standard error and 95 % interval of the slope. center, level, level_se: the mean of log x,
+    the line's height there and its standard error, which is independent of the slope's. factor: how many
+    standard errors the interval's half is. points: how many.
     """
 
     value: float
@@ -47,14 +48,17 @@ def fit_slope(
 ) -> Slope:
     """A straight line through positive points on log-log axes, with the error of its slope.
 
-    x, y: (n,), n >= 2. y_low, y_high: 95 % intervals of y; given both, a point weighs by the inverse square of their distance on
-    the log scale, else all weigh the same. The error is the greater of what the intervals imply and what the scatter about the line implies
-    (n - 2 degrees of freedom, Student's factor): a fit that is worse than its intervals allow, because the relation is not quite a power law,
-    says so. Without intervals two points have no error: nan.
+    x, y: (n,), n >= 2. y_low, y_high: 95 % intervals of y; given both, a point weighs by the inverse square
+    of their distance on the log scale, else all weigh the same. The error is the greater of what the
+    intervals imply and what the scatter about the line implies (n - 2 degrees of freedom, Student's factor):
+    a fit that is worse than its intervals allow, because the relation is not quite a power law, says so.
+    Without intervals two points have no error: nan.
     """
     log_x, log_y = _logs(x, "x"), _logs(y, "y")
     if log_x.size < 2 or log_x.size != log_y.size:
-        raise ValueError(f"a slope needs two points at least and a y for each x, not {log_x.size} and {log_y.size}")
+        raise ValueError(
+            f"a slope needs two points at least and a y for each x, not {log_x.size} and {log_y.size}"
+        )
     sigma = _log_errors(y_low, y_high, log_y.size)
     weight = np.ones_like(log_y) if sigma is None else sigma**-2.0
     center, height = float(np.average(log_x, weights=weight)), float(np.average(log_y, weights=weight))
@@ -81,7 +85,8 @@ def fit_slope(
 
 
 def halving_cost(slope: Slope) -> Interval:
-    """How many times the time it takes to halve the error, 2^(-1/slope), with its 95 % interval: 4 at a slope of -1/2.
+    """How many times the time it takes to halve the error, 2^(-1/slope), with its 95 % interval: 4 at a slope
+    of -1/2.
 
     Infinite where the slope, or the end of its interval, is not negative: no time is enough.
     """
@@ -89,9 +94,11 @@ def halving_cost(slope: Slope) -> Interval:
 
 
 def seconds_for_error(slope: Slope, error: float) -> Interval:
-    """The time at which the fitted line reaches `error`, with a 95 % interval by the delta method; infinite for no fall.
+    """The time at which the fitted line reaches `error`, with a 95 % interval by the delta method; infinite
+    for no fall.
 
-    The fit is of error against seconds. Errors of level and slope are independent about the center of the fit.
+    The fit is of error against seconds. Errors of level and slope are independent about the center of the
+    fit.
     """
     if slope.value >= 0:
         return Interval(math.inf, 0.0, math.inf)
@@ -102,7 +109,9 @@ def seconds_for_error(slope: Slope, error: float) -> Interval:
 
 
 def _scale(misfit: float, dof: int, weighted: bool) -> tuple[float, float]:
-    """Standard error of a point of unit weight, and the factor of its interval, whichever product is the greater."""
+    """Standard error of a point of unit weight, and the factor of its interval, whichever product is the
+    greater.
+    """
     implied = (1.0, NORMAL) if weighted else (math.nan, math.nan)
     if dof == 0:
         return implied
@@ -124,7 +133,9 @@ def _logs(values: Sequence[float] | Array, name: str) -> Array:
     return np.log(x)
 
 
-def _log_errors(low: Sequence[float] | Array | None, high: Sequence[float] | Array | None, count: int) -> Array | None:
+def _log_errors(
+    low: Sequence[float] | Array | None, high: Sequence[float] | Array | None, count: int
+) -> Array | None:
     """Standard errors on the log scale from 95 % intervals, None without intervals."""
     if low is None or high is None:
         return None

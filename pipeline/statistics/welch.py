@@ -1,30 +1,35 @@
 """Do two noisy images show the same picture? Welch's t-test per pixel, per region and for the image mean.
 
-Each side brings its mean, the variance of that mean and the degrees of freedom behind the variance, so that a variance
-estimated from few batches widens the test instead of raising alarms: a normal test on 8 batches rejects equal images of
-19,200 pixels every time, because the smallest of 57,600 estimated variances is far too small. The families of comparisons
-(pixels x channels, regions x channels, channels) are each held to level `alpha` by Sidak's correction, which is exact for
-independent comparisons and conservative for correlated normal ones [sidak1967]; or, where many pixels may each be a little off, by
-Benjamini and Hochberg's [benjamini1995], whose test of the whole family is Simes's [simes1986]: nominal for independent
+Each side brings its mean, the variance of that mean and the degrees of freedom behind the variance, so that a
+variance estimated from few batches widens the test instead of raising alarms: a normal test on 8 batches
+rejects equal images of 19,200 pixels every time, because the smallest of 57,600 estimated variances is far
+too small. The families of comparisons (pixels x channels, regions x channels, channels) are each held to
+level `alpha` by Sidak's correction, which is exact for independent comparisons and conservative for
+correlated normal ones [sidak1967]; or, where many pixels may each be a little off, by Benjamini and
+Hochberg's [benjamini1995], whose test of the whole family is Simes's [simes1986]: nominal for independent
 comparisons, and for positively dependent ones at most that.
 
-Limits, and what is done about them. Means of rare events are not normal, and their estimated variance is least where the
-mean is low: a penumbra pixel with 64 samples and 1 % of shadow (or of light) often shows no event and no variance at all, and a plain
-test then rejects a true null with certainty. With K events expected to be L, a plain test at level a rejects K = 0 unless
-exp(-L) < a, that is below L = -ln(a), 14 events at the level of one of 57,600 comparisons, and its lower tail stays too heavy to some
-z^6/9 = 1,600 events, where the Edgeworth term z^3/(3 sqrt(L)) of the studentised mean [hall1992] falls below 1. So each side's
-variance is held up by what is known of it besides: the other side's variance at this side's number of samples (under the
-null both sample the same visibility), the mean over the 3 x 3 pixels around, and what this side's samples vary more than the other's over
-wider surroundings: a sampler that meets a light once in a hundred samples besides what all its samples see of it often misses in 3 x 3
-pixels. That only ever lengthens the denominator: no alarm is added, and
-what it costs in power is in `smallest_detectable`, which is computed from the same denominators. The mean differences are untouched, so
-a bias is diluted nowhere. This holds nothing up against an exact image or without sample counts, nor where this side's samples vary far more
-than the other's (`ALIKE`): an estimator that meets a light once in a thousand samples has few events in every pixel, and the other side's
-variance says nothing of it. There, regions of few events are tested by how large the samples are instead (few_events.py), and so are all
-pixels if the other side is exact; otherwise the family of pixels is left out, and the regions remain.
+Limits, and what is done about them. Means of rare events are not normal, and their estimated variance is
+least where the mean is low: a penumbra pixel with 64 samples and 1 % of shadow (or of light) often shows no
+event and no variance at all, and a plain test then rejects a true null with certainty. With K events expected
+to be L, a plain test at level a rejects K = 0 unless exp(-L) < a, that is below L = -ln(a), 14 events at the
+level of one of 57,600 comparisons, and its lower tail stays too heavy to some z^6/9 = 1,600 events, where the
+Edgeworth term z^3/(3 sqrt(L)) of the studentised mean [hall1992] falls below 1. So each side's variance is
+held up by what is known of it besides: the other side's variance at this side's number of samples (under the
+null both sample the same visibility), the mean over the 3 x 3 pixels around, and what this side's samples
+vary more than the other's over wider surroundings: a sampler that meets a light once in a hundred samples
+besides what all its samples see of it often misses in 3 x 3 pixels. That only ever lengthens the denominator:
+no alarm is added, and what it costs in power is in `smallest_detectable`, which is computed from the same
+denominators. The mean differences are untouched, so a bias is diluted nowhere. This holds nothing up against
+an exact image or without sample counts, nor where this side's samples vary far more than the other's
+(`ALIKE`): an estimator that meets a light once in a thousand samples has few events in every pixel, and the
+other side's variance says nothing of it. There, regions of few events are tested by how large the samples are
+instead (few_events.py), and so are all pixels if the other side is exact; otherwise the family of pixels is
+left out, and the regions remain.
 
-Pixels are taken to be independent, as with a box filter. The variance of quasi-random samples is not what the film's M2
-says: bring replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a heavy tail: see heavy_tail.py.
+Pixels are taken to be independent, as with a box filter. The variance of quasi-random samples is not what the
+film's M2 says: bring replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a
+heavy tail: see heavy_tail.py.
 """
 
 from __future__ import annotations
@@ -49,7 +54,8 @@ Correction = Literal["sidak", "bh"]
 
 ALIKE = 4.0  # times the variance of the other side's samples, beyond which it holds up no pixel's
 TILES = 4  # rows and columns of parts of the image in which the two are compared
-# Relative. A reference's batch is a running float32 sum: 256 equal samples may each lose half a unit in the last place.
+# Relative. A reference's batch is a running float32 sum: 256 equal samples may each lose half a unit in the
+# last place.
 ROUNDING = 256 * 2.0**-24
 
 
@@ -57,10 +63,11 @@ ROUNDING = 256 * 2.0**-24
 class TestResult:
     """One family of comparisons.
 
-    p: corrected p-value of the whole family; `reject` is p < alpha. effect: relative difference (a - b) / b of the comparison with
-    the smallest p. smallest_detectable: the smallest uniform relative bias of the whole image that this family would have
-    rejected with a probability of 95 %, by its single comparisons (under either correction it rejects then at the least).
-    p_map: (h, w) or region grid, smallest p over channels, uncorrected.
+    p: corrected p-value of the whole family; `reject` is p < alpha. effect: relative difference (a - b) / b
+    of the comparison with the smallest p. smallest_detectable: the smallest uniform relative bias of the
+    whole image that this family would have rejected with a probability of 95 %, by its single comparisons
+    (under either correction it rejects then at the least). p_map: (h, w) or region grid, smallest p over
+    channels, uncorrected.
     """
 
     __test__ = False  # not a test case, whatever its name
@@ -78,7 +85,7 @@ class TestResult:
         promised = np.isfinite(self.smallest_detectable)
         caught = f", smallest bias it would have caught {self.smallest_detectable:.3%}" if promised else ""
         return (
-            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, worst difference {self.effect:+.3%}"
+            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, worst difference {self.effect:+.3%}"  # noqa: E501
             f"{caught}"
         )
 
@@ -91,12 +98,16 @@ def compare_images(
     parts: Mapping[str, Mask] | None = None,
     correction: Correction = "sidak",
 ) -> list[TestResult]:
-    """Test image `a` against reference `b`: "image", "regions" (a grid), a family for each of `parts`, and "pixels".
+    """Test image `a` against reference `b`: "image", "regions" (a grid), a family for each of `parts`, and
+    "pixels".
 
-    Each family is held to level alpha. regions: rows and columns of the grid, no more than pixels. parts: names of
-    further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the others take Sidak's. The pixels need samples
-    that vary alike (by variance), or an exact `b` and the draws of `a` (by few_events.py, with no promise of what they catch). A pixel that is not
-    finite rejects. Differences up to 1.5e-5 of the value are float32 rounding and count as none, as do those within the bounds of both; beyond that, a difference where neither side has any variance rejects. Sources: [welch1947], [sidak1967].
+    Each family is held to level alpha. regions: rows and columns of the grid, no more than pixels. parts:
+    names of further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the
+    others take Sidak's. The pixels need samples that vary alike (by variance), or an exact `b` and the draws
+    of `a` (by few_events.py, with no promise of what they catch). A pixel that is not finite rejects.
+    Differences up to 1.5e-5 of the value are float32 rounding and count as none, as do those within the
+    bounds of both; beyond that, a difference where neither side has any variance rejects. Sources:
+    [welch1947], [sidak1967].
     """
     if a.mean.shape != b.mean.shape:
         raise ValueError(f"images of different shapes: {a.mean.shape} and {b.mean.shape}")
@@ -119,10 +130,12 @@ def compare_images(
 
 
 def vary_alike(a: Moments, b: Moments) -> bool:
-    """Whether the variance of b's samples can hold up that of a's pixels: both counts are known, and a's samples vary at most ALIKE as much.
+    """Whether the variance of b's samples can hold up that of a's pixels: both counts are known, and a's
+    samples vary at most ALIKE as much.
 
-    In each of TILES x TILES parts of the image, not on the whole: a lamp in view gives both sides much the same variance along its edges, beside
-    which what one side alone sees of light by chance would be lost. Light where the reference is black is no chance.
+    In each of TILES x TILES parts of the image, not on the whole: a lamp in view gives both sides much the
+    same variance along its edges, beside which what one side alone sees of light by chance would be lost.
+    Light where the reference is black is no chance.
     """
     if a.samples is None or b.samples is None:
         return False
@@ -135,7 +148,8 @@ def vary_alike(a: Moments, b: Moments) -> bool:
 def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
     """Two-sided p, standard error and degrees of freedom of each comparison, all of the shape of the means.
 
-    p is 1 where neither side has variance and the means are equal, 0 where they differ or are not finite. Source: [welch1947].
+    p is 1 where neither side has variance and the means are equal, 0 where they differ or are not finite.
+    Source: [welch1947].
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         variance = a.variance + b.variance
@@ -154,7 +168,10 @@ def allowance(a: Moments, b: Moments) -> Array:
 
 
 def sidak(p: float, comparisons: int) -> float:
-    """The family's p-value from the smallest of its p-values: 1 - (1 - p)^comparisons. Source: [sidak1967]."""
+    """The family's p-value from the smallest of its p-values: 1 - (1 - p)^comparisons.
+
+    Source: [sidak1967].
+    """
     return float(-np.expm1(comparisons * np.log1p(-p))) if p < 1.0 else 1.0
 
 
@@ -164,14 +181,18 @@ def sidak_level(alpha: float, comparisons: int) -> float:
 
 
 def simes(p: Array) -> float:
-    """The family's p-value by Simes: the least of m p_(i) / i, below the level if Benjamini and Hochberg reject anything. [simes1986]"""
+    """The family's p-value by Simes: the least of m p_(i) / i, below the level if Benjamini and Hochberg
+    reject anything. [simes1986]
+    """
     ranked = np.sort(p, axis=None)
     return float(min(1.0, np.min(ranked * ranked.size / np.arange(1, ranked.size + 1))))
 
 
 @dataclass(frozen=True, eq=False)
 class Few:
-    """What is known of regions that may hold few events: the draws of a pixel, pixels (..., 3) of each; all: none is tested by its variance."""
+    """What is known of regions that may hold few events: the draws of a pixel, pixels (..., 3) of each; all:
+    none is tested by its variance.
+    """
 
     draws: Draws
     pixels: Array
@@ -187,7 +208,9 @@ def _compare(
     slack = allowance(a, b)
     if few:
         chosen = few_events(few.draws, few.pixels, b) | few.all
-        rounded = ROUNDING * np.abs(b.mean) + a.slack + b.slack  # no rounding of ours makes light where there is none
+        rounded = (
+            ROUNDING * np.abs(b.mean) + a.slack + b.slack
+        )  # no rounding of ours makes light where there is none
         p = np.where(chosen, bounded_p(few.draws, few.pixels, a.mean, b, rounded), p)
         error = np.where(chosen, np.inf, error)
     worst = int(np.argmin(p))

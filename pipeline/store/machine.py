@@ -1,4 +1,7 @@
-"""Which machine this is, in words. Apart from `pipeline.store.provenance`, which asks the renderer for its fingerprint."""
+"""Which machine this is, in words.
+
+Apart from `pipeline.store.provenance`, which asks the renderer for its fingerprint.
+"""
 
 from __future__ import annotations
 

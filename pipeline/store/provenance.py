@@ -1,4 +1,7 @@
-"""What made a record: versions, commit, machine. Found out once a process, stamped with the time on every record."""
+"""What made a record: versions, commit, machine.
+
+Found out once a process, stamped with the time on every record.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,16 @@ from pathlib import Path
 from pipeline.schema.record import Provenance
 from pipeline.store.machine import machine
 
-PACKAGES = ("numpy", "scipy", "embreex", "trimesh", "mitsuba", "openimageio", "scikit-image", "flip-evaluator")
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "embreex",
+    "trimesh",
+    "mitsuba",
+    "openimageio",
+    "scikit-image",
+    "flip-evaluator",
+)
 
 
 def provenance() -> Provenance:
@@ -45,10 +57,14 @@ def _version(package: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """The commit of the checkout that the code runs from, `+` after it if files differ; None outside a checkout."""
+    """The commit of the checkout that the code runs from, `+` after it if files differ; None outside a
+    checkout.
+    """
     here = str(Path(__file__).parent)
     try:
-        _git(here, "ls-files", "--error-unmatch", Path(__file__).name)  # a virtual environment may lie in a foreign one
+        _git(
+            here, "ls-files", "--error-unmatch", Path(__file__).name
+        )  # a virtual environment may lie in a foreign one
         head = _git(here, "rev-parse", "HEAD")
         return head + ("+" if _git(here, "status", "--porcelain", "--untracked-files=no") else "")
     except (OSError, subprocess.SubprocessError):

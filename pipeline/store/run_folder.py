@@ -4,11 +4,12 @@
     cells/<key>/{record.json,image.exr,state.npz}       one finished render; state.npz is its film in float64
     references/...                                      as `pipeline.references.cache` lays them out
     scores/<key>/{card.json,error.exr}                  one render scored against one reference
-    regions/<key>/{map.json,regions.exr}                which part of a scene's picture is lit, penumbra, umbra ... (pipeline/run/region_maps.py)
+    regions/<key>/{map.json,regions.exr}                which part of a scene's picture is lit, penumbra,
+    umbra ... (pipeline/run/region_maps.py)
     report/                                             what `penumbra report` wrote
 
-Cells and scores are addressed by content, written whole (see `pipeline.store.sealed_folder`) and verified when read, so
-that a run can be killed at any moment and started again. One run at a time works in a folder.
+Cells and scores are addressed by content, written whole (see `pipeline.store.sealed_folder`) and verified
+when read, so that a run can be killed at any moment and started again. One run at a time works in a folder.
 """
 
 from __future__ import annotations
@@ -34,7 +35,11 @@ from scenes.errors import PenumbraError
 Arrays = Mapping[str, NDArray[Any]]
 M = TypeVar("M", bound=BaseModel)
 
-OWN_HIDDEN = (".lock", ".scratch", ".manifest.json.")  # what a run that was killed at its very start may leave
+OWN_HIDDEN = (
+    ".lock",
+    ".scratch",
+    ".manifest.json.",
+)  # what a run that was killed at its very start may leave
 
 
 class DamagedEntryError(Exception):
@@ -57,7 +62,9 @@ class Store:
         return self.root / "cells" / key / "image.exr"
 
     def write_cell(self, record: Record, image: Writer, state: Arrays) -> None:
-        """Store a finished cell under `record.key`. image: writes the EXR to the path that it is given. state: the film in float64."""
+        """Store a finished cell under `record.key`. image: writes the EXR to the path that it is given.
+        state: the film in float64.
+        """
         writers: dict[str, Writer] = {
             "record.json": lambda path: _write_model(path, record),
             "image.exr": image,
@@ -66,7 +73,9 @@ class Store:
         write_entry(self.root / "cells" / record.key, self.scratch, writers)
 
     def read_cell(self, key: str, verify: bool = True) -> Record | None:
-        """The record of a cell, None if there is none; DamagedEntryError if it is not whole. verify: check every byte, not the record alone."""
+        """The record of a cell, None if there is none; DamagedEntryError if it is not whole. verify: check
+        every byte, not the record alone.
+        """
         return self._read(self.root / "cells" / key, "record.json", Record, verify)
 
     def read_state(self, key: str) -> dict[str, NDArray[Any]]:
@@ -106,13 +115,19 @@ class Store:
         try:
             return Manifest.model_validate_json(path.read_text(encoding="utf-8"))
         except OSError as error:
-            raise PenumbraError(f"{self.root}: no run here: {path} cannot be read ({error.strerror})") from error
+            raise PenumbraError(
+                f"{self.root}: no run here: {path} cannot be read ({error.strerror})"
+            ) from error
         except ValidationError as error:
-            raise PenumbraError(f"{path}: not a manifest that this version reads; run the sweep again") from error
+            raise PenumbraError(
+                f"{path}: not a manifest that this version reads; run the sweep again"
+            ) from error
 
     @contextmanager
     def locked(self) -> Generator[None]:
-        """Keep other runs out of the folder, for as long as this process lives at most; sweeps up drafts that a killed run left."""
+        """Keep other runs out of the folder, for as long as this process lives at most; sweeps up drafts that
+        a killed run left.
+        """
         with (self.root / ".lock").open("w") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -124,7 +139,9 @@ class Store:
 
 
 def create_store(root: Path) -> Store:
-    """The store in folder `root`, made if need be; PenumbraError if it cannot be written or holds something else than a run."""
+    """The store in folder `root`, made if need be; PenumbraError if it cannot be written or holds something
+    else than a run.
+    """
     try:
         root.mkdir(parents=True, exist_ok=True)
         strangers = [path.name for path in root.iterdir() if not path.name.startswith(OWN_HIDDEN)]
@@ -166,7 +183,10 @@ class Run:
 
 
 def load_run(root: Path) -> Run:
-    """Read a run folder, finished or not; PenumbraError if there is no run in it. Renders nothing and writes nothing."""
+    """Read a run folder, finished or not; PenumbraError if there is no run in it.
+
+    Renders nothing and writes nothing.
+    """
     store = Store(root)
     manifest = store.read_manifest()
     studies: list[FinishedStudy] = []

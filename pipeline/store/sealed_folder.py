@@ -18,7 +18,8 @@ Writer = Callable[[Path], None]
 
 
 def write_entry(final: Path, scratch: Path, writers: Mapping[str, Writer]) -> None:
-    """Make the folder `final` of the files that `writers` write, atomically; an entry already there is replaced.
+    """Make the folder `final` of the files that `writers` write, atomically; an entry already there is
+    replaced.
 
     scratch: a folder on the same file system, for what is half-written. The seal is in `sha256sum -c` format.
     """
@@ -31,7 +32,9 @@ def write_entry(final: Path, scratch: Path, writers: Mapping[str, Writer]) -> No
 
 
 def _replace(draft: Path, final: Path, scratch: Path) -> None:
-    """Put `draft` in the place of `final`; directories cannot be swapped portably, so an old one steps aside first."""
+    """Put `draft` in the place of `final`; directories cannot be swapped portably, so an old one steps aside
+    first.
+    """
     final.parent.mkdir(parents=True, exist_ok=True)
     if final.exists():
         aside = scratch / uuid.uuid4().hex
@@ -41,7 +44,10 @@ def _replace(draft: Path, final: Path, scratch: Path) -> None:
 
 
 def damage(entry: Path) -> str | None:
-    """What is wrong with an entry, in words: a file that is missing or was altered since it was sealed. None: it is whole."""
+    """What is wrong with an entry, in words: a file that is missing or was altered since it was sealed.
+
+    None: it is whole.
+    """
     try:
         pairs = [line.partition("  ") for line in (entry / SEAL).read_text(encoding="utf-8").splitlines()]
     except (OSError, UnicodeDecodeError):

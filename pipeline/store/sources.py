@@ -1,7 +1,9 @@
-"""Which of our sources an image depends on: those of its backend, found by its imports, so that none can be forgotten.
+"""Which of our sources an image depends on: those of its backend, found by its imports, so that none can be
+forgotten.
 
-Imports are read, not run: `import` and `from ... import` anywhere in a file, of modules of `pipeline.references` and of `scenes`, and
-theirs in turn. What is imported for a type alone counts as well; a reference made again for nothing is the lesser evil.
+Imports are read, not run: `import` and `from ... import` anywhere in a file, of modules of
+`pipeline.references` and of `scenes`, and theirs in turn. What is imported for a type alone counts as well; a
+reference made again for nothing is the lesser evil.
 """
 
 from __future__ import annotations
@@ -14,12 +16,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 FOLLOWED = ("pipeline.references", "scenes")
-OWN = "pipeline/references"  # whose packages run with each of their modules; `scenes` as a whole is in the scene's hash
+# whose packages run with each of their modules; `scenes` as a whole is in the scene's hash
+OWN = "pipeline/references"
 
 
 @functools.cache
 def digest(*files: Path) -> str:
-    """16 digits of the SHA-256 of these files and of all that they import, each with its name; once a process."""
+    """16 digits of the SHA-256 of these files and of all that they import, each with its name; once a
+    process.
+    """
     total = hashlib.sha256()
     for path in sources(*files):
         total.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
@@ -32,7 +37,7 @@ def sources(*files: Path) -> list[Path]:
     while waiting:
         path = waiting.pop()
         found.add(path)
-        waiting |= set(_imported(path)) - found
+        waiting |= {*_imported(path), *_packages(path)} - found
     return sorted(found)
 
 
@@ -50,7 +55,12 @@ def _imported(path: Path) -> Iterator[Path]:
 
 
 def _file(module: str) -> Iterator[Path]:
-    """The module's file, if it is one and no name within one; of a package, and of those that hold it, the __init__."""
+    """The module's file, if it is one and no name within one; of a package its __init__."""
     path = ROOT.joinpath(*module.split("."))
-    held = [folder / "__init__.py" for folder in (path, *path.parents) if folder.is_relative_to(ROOT / OWN)]
-    yield from (one for one in (path.with_suffix(".py"), path / "__init__.py", *held) if one.is_file())
+    yield from (one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
+
+
+def _packages(path: Path) -> Iterator[Path]:
+    """The `__init__.py` of each package of OWN that holds a file: it runs before the file does."""
+    folders = [folder for folder in path.parents if folder.is_relative_to(ROOT / OWN)]
+    yield from (folder / "__init__.py" for folder in folders if (folder / "__init__.py").is_file())

@@ -1,1 +1,3 @@
-"""Questions asked of estimators and images: verify, agreement, the contact ladder, regions, penumbra width."""
+"""Questions asked of estimators and images: verify, agreement, the contact ladder, regions, penumbra
+width.
+"""

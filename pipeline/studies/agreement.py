@@ -1,7 +1,8 @@
 """Do all estimators show the same picture? Every pair of them, and each against a reference, with intervals.
 
-Estimators that share an idea may share a mistake, and a reference of Mitsuba's may not exist: a matrix of independent techniques
-that agree is the stronger evidence. What claims to be unbiased is compared; what its own samples say is not to be believed is left out.
+Estimators that share an idea may share a mistake, and a reference of Mitsuba's may not exist: a matrix of
+independent techniques that agree is the stronger evidence. What claims to be unbiased is compared; what its
+own samples say is not to be believed is left out.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from renderer import build, render
 from renderer.build import RenderScene
 from renderer.estimators.direction_sampling import DirectionSampling
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 GRID = 4  # rows and columns at most
@@ -37,7 +38,9 @@ class _Row(BaseModel):
 
 
 class Member(_Row):
-    """One estimator's image. mean, se: of the image's luminance-free mean over pixels and channels. verdict: "refused" if it does not apply."""
+    """One estimator's image. mean, se: of the image's luminance-free mean over pixels and channels. verdict:
+    "refused" if it does not apply.
+    """
 
     name: str
     verdict: Literal["ok", "untrustworthy", "refused"]
@@ -48,8 +51,11 @@ class Member(_Row):
 
 
 class Pair(_Row):
-    """Two that were compared. difference: (a - b) / b of the image means, with its 95 % interval. p: the least of the image mean's and of
-    the grid's of regions; where: what it is of. smallest_detectable: the smallest relative bias of the image mean that would have been seen."""
+    """Two that were compared. difference: (a - b) / b of the image means, with its 95 % interval. p: the
+    least of the image mean's and of
+    the grid's of regions; where: what it is of. smallest_detectable: the smallest relative bias of the image
+    mean that would have been seen.
+    """
 
     a: str
     b: str
@@ -76,7 +82,9 @@ class Agreement(_Row):
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An image to be compared: its name and its moments. by_chance: whether its samples met lights by chance."""
+    """An image to be compared: its name and its moments. by_chance: whether its samples met lights by
+    chance.
+    """
 
     name: str
     moments: Moments
@@ -97,11 +105,14 @@ def agreement(
 ) -> Agreement:
     """Render a scene with every unbiased estimator that applies (or those named) and compare all pairs.
 
-    reference: a backend's name and image, which joins them. alpha: chance of a false alarm anywhere in the matrix, Sidak.
-    Raises PenumbraError for spp < 16, for unknown names, and where fewer than two are left to compare.
+    reference: a backend's name and image, which joins them. alpha: chance of a false alarm anywhere in the
+    matrix, Sidak. Raises PenumbraError for spp < 16, for unknown names, and where fewer than two are left to
+    compare.
     """
     if spp < LEAST_SPP:
-        raise PenumbraError(f"spp is {spp}: at least {LEAST_SPP} are needed to judge the spread of a pixel's samples")
+        raise PenumbraError(
+            f"spp is {spp}: at least {LEAST_SPP} are needed to judge the spread of a pixel's samples"
+        )
     built = build(scene)
     names = _chosen(estimators)
     members: list[Member] = []
@@ -131,7 +142,9 @@ def agreement(
 
 
 def _chosen(estimators: Sequence[str] | None) -> list[str]:
-    """All estimators that can be compared, or those that were asked for; PenumbraError for one that is named twice."""
+    """All estimators that can be compared, or those that were asked for; PenumbraError for one that is named
+    twice.
+    """
     if estimators is None:
         return [name for name in ESTIMATORS.names() if _comparable(name, named=False)]
     if twice := [name for i, name in enumerate(estimators) if name in estimators[:i]]:
@@ -140,7 +153,9 @@ def _chosen(estimators: Sequence[str] | None) -> list[str]:
 
 
 def _comparable(name: str, named: bool) -> bool:
-    """Whether an estimator claims to be unbiased in the light; one that was asked for by name and does not is an error."""
+    """Whether an estimator claims to be unbiased in the light; one that was asked for by name and does not is
+    an error.
+    """
     estimator = ESTIMATORS[name]
     why = estimator.bias or (None if estimator.quantity == RADIANCE else "its quantity is another")
     if named and why:
@@ -148,7 +163,9 @@ def _comparable(name: str, named: bool) -> bool:
     return why is None
 
 
-def _render(built: RenderScene, name: str, spp: int, seed: int, threads: int) -> tuple[Member, Candidate | None]:
+def _render(
+    built: RenderScene, name: str, spp: int, seed: int, threads: int
+) -> tuple[Member, Candidate | None]:
     """Seeds differ between estimators: those that share directions would else share their noise."""
     if why := ESTIMATORS[name].refuses(built.description):
         return Member(name=name, verdict="refused", reason=why), None
@@ -168,7 +185,10 @@ def _render(built: RenderScene, name: str, spp: int, seed: int, threads: int) ->
 
 
 def _standard_error(variance: NDArray[np.float64]) -> float:
-    """Of the mean over pixels and channels. variance: (h, w, 3). The channels of a pixel share their samples: taken to go together."""
+    """Of the mean over pixels and channels. variance: (h, w, 3).
+
+    The channels of a pixel share their samples: taken to go together.
+    """
     deviation = np.sqrt(variance).mean(axis=2)
     return float(np.sqrt((deviation * deviation).sum()) / deviation.size)
 
@@ -194,10 +214,11 @@ def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
 
 
 def _families(a: Candidate, b: Candidate, level: float) -> list[TestResult]:
-    """The tests of the image mean and of the regions; of the mean alone where nothing holds up the variance of a region's few finds.
+    """The tests of the image mean and of the regions; of the mean alone where nothing holds up the variance
+    of a region's few finds.
 
-    So it is where one of two estimators finds light by chance or varies far more than the other. A reference knows the light of each
-    region: there few finds have a test of their own (few_events.py).
+    So it is where one of two estimators finds light by chance or varies far more than the other. A reference
+    knows the light of each region: there few finds have a test of their own (few_events.py).
     """
     height, width = a.moments.mean.shape[:2]
     families = compare_images(a.moments, b.moments, (min(GRID, height), min(GRID, width)), level)[:2]

@@ -1,7 +1,8 @@
-"""The contact ladder: a light comes down on a point, decade by decade, and each estimator is held against a closed form.
+"""The contact ladder: a light comes down on a point, decade by decade, and each estimator is held against a
+closed form.
 
-Points are exact, without camera or BVH; receiver and light are kept out of their own shadows by identity, so that what
-is tested is the estimator's arithmetic alone, from a distance of the light's size to 1e-8 of it.
+Points are exact, without camera or BVH; receiver and light are kept out of their own shadows by identity, so
+that what is tested is the estimator's arithmetic alone, from a distance of the light's size to 1e-8 of it.
 """
 
 from __future__ import annotations
@@ -20,16 +21,14 @@ from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
 from renderer.interfaces.sampler import SAMPLERS
 from renderer.plan.plan import RenderPlan, make_plan
 from renderer.records import SurfaceHit
-from scenes.description import (
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import (
     Array,
     BilinearMesh,
-    Diffuse,
     Disk,
     Emission,
-    Film,
     Geometry,
-    PerspectiveCamera,
-    SceneDescription,
     ShapeDescription,
     Sphere,
     TriangleMesh,
@@ -43,7 +42,8 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 class Rung(BaseModel):
-    """One estimator at one distance h, in units of the light's size. truth, mean, se: reflected radiance, W/(m^2 sr).
+    """One estimator at one distance h, in units of the light's size. truth, mean, se: reflected radiance,
+    W/(m^2 sr).
 
     mean, se and max_share are None where the estimator was refused; hill is None without a tail to speak of.
     """
@@ -95,7 +95,9 @@ def disk(geometry: str, h: float) -> Setting:
 
 
 def sphere(geometry: str, h: float) -> Setting:
-    """Of diameter 1, its lowest point at height h, or standing on the floor, the point h away from where it stands."""
+    """Of diameter 1, its lowest point at height h, or standing on the floor, the point h away from where it
+    stands.
+    """
     center = np.array([0, h + 0.5, 0]) if geometry == "parallel" else np.array([0, 0.5, 0])
     point = np.zeros(3) if geometry == "parallel" else np.array([0, 0, h])
     e = sphere_irradiance(point[None], UP, center, 0.5)
@@ -120,7 +122,10 @@ LIGHTS = {"rectangle": rectangle, "disk": disk, "sphere": sphere, "triangle": tr
 def climb(
     lights: Sequence[str] = tuple(LIGHTS), samples: int = 2**15, seed: int = 0, rungs: Sequence[float] = RUNGS
 ) -> Iterator[Rung]:
-    """Every rung of every light, geometry and estimator that applies. PenumbraError for an unknown light or no samples."""
+    """Every rung of every light, geometry and estimator that applies.
+
+    PenumbraError for an unknown light or no samples.
+    """
     for name in lights:
         if name not in LIGHTS:
             raise PenumbraError(f"no ladder for light {name!r}; there are: {', '.join(LIGHTS)}")
@@ -171,7 +176,9 @@ def _judged(values: Array) -> dict[str, object]:
     }
 
 
-def _samples(built: RenderScene, plan: RenderPlan, point: Array, estimator: str, count: int, seed: int) -> Array:
+def _samples(
+    built: RenderScene, plan: RenderPlan, point: Array, estimator: str, count: int, seed: int
+) -> Array:
     """(count,) samples of the radiance that the floor reflects at a point (3,)."""
     p = np.repeat(point[:, None], count, axis=1)
     n = np.repeat(UP[:, None], count, axis=1)

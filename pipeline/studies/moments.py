@@ -13,11 +13,16 @@ from renderer import RenderResult
 
 Array = NDArray[np.float64]
 
-FLOAT32 = 1e-6  # of the image mean: what the sums of a float32 renderer may leave where the truth is 0 (seen of Mitsuba: 1e-8)
+# of the image mean: what the sums of a float32 renderer may leave where the truth is 0 (seen of Mitsuba:
+# 1e-8)
+FLOAT32 = 1e-6
 
 
 def of_reference(image: ReferenceImage) -> Moments:
-    """A reference's moments. One that was not sampled has no variance but the bound of its error; a sampled one FLOAT32 for a bound."""
+    """A reference's moments.
+
+    One that was not sampled has no variance but the bound of its error; a sampled one FLOAT32 for a bound.
+    """
     if image.batches == 0:
         return Moments(image.mean, np.zeros_like(image.mean), np.inf, bound=np.sqrt(image.variance))
     dust = FLOAT32 * float(np.abs(image.mean).mean())
@@ -28,9 +33,10 @@ def of_reference(image: ReferenceImage) -> Moments:
 def of_render(result: RenderResult, spp: int) -> Moments:
     """The moments of a render of independent samples, `spp` a pixel, 2 or more.
 
-    Its largest draw is the largest reflected sample, or what light seen directly must have brought: samples of a mean m and a variance v cannot
-    all be below m + v / m. A pixel below 0 tells of negative samples, whose range is taken to be symmetric: none is further from its
-    pixel's mean than the root of the sum of squared deviations.
+    Its largest draw is the largest reflected sample, or what light seen directly must have brought: samples
+    of a mean m and a variance v cannot all be below m + v / m. A pixel below 0 tells of negative samples,
+    whose range is taken to be symmetric: none is further from its pixel's mean than the root of the sum of
+    squared deviations.
     """
     film = result.film
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -46,7 +52,9 @@ def of_render(result: RenderResult, spp: int) -> Moments:
 
 
 def of_replicates(images: Array) -> Moments:
-    """The moments of replicates (r, h, w, 3), each of which is one draw: whatever the samples in it, they are not independent."""
+    """The moments of replicates (r, h, w, 3), each of which is one draw: whatever the samples in it, they are
+    not independent.
+    """
     least = np.minimum(np.min(images, axis=(0, 1, 2)), 0.0)
     draws = Draws(images.shape[0], least, np.max(images, axis=(0, 1, 2)))
     return replace(batch_moments(images), draws=draws)

@@ -1,8 +1,9 @@
 """How wide the penumbra of a straight edge is in an image, held against the closed form.
 
-The visible fraction of the light, V, is the image over what the same point would reflect without the sheet (Lambert's formula). It
-runs from 0 to 1 across the shadow; the width is the distance on the floor from where V is 5 % to where it is 95 %. An image gives V at
-each of its pixels on the floor, noisy; the rising curve through them is the isotonic least-squares fit [barlow1972].
+The visible fraction of the light, V, is the image over what the same point would reflect without the sheet
+(Lambert's formula). It runs from 0 to 1 across the shadow; the width is the distance on the floor from where
+V is 5 % to where it is 95 %. An image gives V at each of its pixels on the floor, noisy; the rising curve
+through them is the isotonic least-squares fit [barlow1972].
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.optimize import isotonic_regression  # pyright: ignore[reportMissingT
 from pipeline.references.backends.closed_form_edge import floor_points, irradiance, unshadowed
 from pipeline.references.closed_form.edge_scene import EdgeScene, analyse_edge
 from pipeline.references.closed_form.film import film_plane
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 Array = NDArray[np.float64]
@@ -29,7 +30,9 @@ STEPS = 60  # halvings of an interval that holds a level: down to rounding
 
 @dataclass(frozen=True)
 class Width:
-    """Scene units on the floor. measured: in the image; exact: of the closed form; similar_triangles: all of the penumbra."""
+    """Scene units on the floor. measured: in the image; exact: of the closed form; similar_triangles: all of
+    the penumbra.
+    """
 
     measured: float
     exact: float
@@ -43,9 +46,11 @@ class Width:
 
 
 def width_of(image: Array, scene: SceneDescription) -> Width:
-    """The width in an image (h, w, 3) of a scene that `closed-form-edge` takes; PenumbraError where the penumbra is not in view.
+    """The width in an image (h, w, 3) of a scene that `closed-form-edge` takes; PenumbraError where the
+    penumbra is not in view.
 
-    `pixel` is how far apart neighbouring rows are on the floor: what is narrower than a few of them is measured too wide.
+    `pixel` is how far apart neighbouring rows are on the floor: what is narrower than a few of them is
+    measured too wide.
     """
     edge = analyse_edge(scene)
     film = film_plane(scene.camera, scene.film)
@@ -57,7 +62,9 @@ def width_of(image: Array, scene: SceneDescription) -> Width:
     rows, curve = _profile(s, visible)
     low, high = (_crossing(rows, curve, level) for level in LEVELS)
     ends = [_exact(edge, points[int(np.argmin(np.abs(s)))], away, level) for level in LEVELS]
-    spacing = np.diff(rows)[np.abs(rows[1:] - (low + high) / 2) <= max(high - low, float(np.diff(rows).max()))]
+    spacing = np.diff(rows)[
+        np.abs(rows[1:] - (low + high) / 2) <= max(high - low, float(np.diff(rows).max()))
+    ]
     pixel = float(np.median(spacing))
     return Width(high - low, ends[1] - ends[0], _similar(edge, away), pixel)
 
@@ -65,8 +72,8 @@ def width_of(image: Array, scene: SceneDescription) -> Width:
 def _profile(s: Array, visible: Array) -> tuple[Array, Array]:
     """The rising curve through the pixels' values: places (k,), ascending, and values (k,).
 
-    Where the camera stands across the edge, all pixels of a row are at one place: they are averaged first, so that a level is
-    not crossed within a row.
+    Where the camera stands across the edge, all pixels of a row are at one place: they are averaged first, so
+    that a level is not crossed within a row.
     """
     places, row, count = np.unique(np.round(s, ROUND), return_inverse=True, return_counts=True)
     mean = np.bincount(row.reshape(-1), visible, places.size) / count
@@ -86,7 +93,9 @@ def _crossing(s: Array, curve: Array, level: float) -> float:
 
 
 def _exact(edge: EdgeScene, point: Array, away: Array, level: float) -> float:
-    """Where the closed form's visible fraction is `level` on the line through a point (3,) across the shadow, by bisection."""
+    """Where the closed form's visible fraction is `level` on the line through a point (3,) across the shadow,
+    by bisection.
+    """
     base = point - (point - edge.edge[0]) @ away * away
     low, high = (sign * _reach(edge, away) for sign in (-1.0, 1.0))
     for _ in range(STEPS):
@@ -100,7 +109,9 @@ def _exact(edge: EdgeScene, point: Array, away: Array, level: float) -> float:
 
 
 def _ends(edge: EdgeScene, away: Array) -> Array:
-    """Where on the floor, along `away` from below the edge, each corner of the light is seen right at the edge: (v,)."""
+    """Where on the floor, along `away` from below the edge, each corner of the light is seen right at the
+    edge: (v,).
+    """
     height = float(edge.floor_plane.height(edge.edge[0]))
     corners = edge.light.outline - edge.edge[0]
     return -(corners @ away) * height / (corners @ edge.floor_plane.normal)

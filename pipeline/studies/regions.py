@@ -1,19 +1,24 @@
-"""Which part of a picture is lit, penumbra, umbra, contact, the light itself, background: a visibility pass at many samples.
+"""Which part of a picture is lit, penumbra, umbra, contact, the light itself, background: a visibility pass
+at many samples.
 
-For each pixel, samples of the lights are sent out from the points seen in it, by every light's best technique. Of those that
-are sent towards the point's front side, the share that arrives is its visibility.
+For each pixel, samples of the lights are sent out from the points seen in it, by every light's best
+technique. Of those that are sent towards the point's front side, the share that arrives is its visibility.
 
     background   nothing is hit (an environment that is seen is `light`)
-    light        at least one sample of the pixel or of the eight around it sees emission, so that all of a light's edge is here
-    contact      a surface or a light that may shade it is nearer than CONTACT times the distance to the camera, as far as one of
+    light        at least one sample of the pixel or of the eight around it sees emission, so that all of a
+    light's edge is here
+    contact      a surface or a light that may shade it is nearer than CONTACT times the distance to the
+    camera, as far as one of
                  the samples' directions shows: where shadows are sharp and weights are large
-    umbra        no sample arrives, in the pixel or in any of the eight around it, or no light is sent its way: the truth is exactly 0
+    umbra        no sample arrives, in the pixel or in any of the eight around it, or no light is sent its
+    way: the truth is exactly 0
     lit          every sample that is sent arrives
     penumbra     the rest: between, and the pixels that border on it
 
-Each pixel has one of these labels, in this order of precedence. The umbra of contact pixels is kept beside them (`dark`),
-since it is where a shadow's epsilon leaks. The pass shares camera, geometry and shadow test with the renderer: it says where to
-look. The umbra that a leak is measured in is where the reference is black as well (pipeline/run/worker.py).
+Each pixel has one of these labels, in this order of precedence. The umbra of contact pixels is kept beside
+them (`dark`), since it is where a shadow's epsilon leaks. The pass shares camera, geometry and shadow test
+with the renderer: it says where to look. The umbra that a leak is measured in is where the reference is black
+as well (pipeline/run/worker.py).
 """
 
 from __future__ import annotations
@@ -34,7 +39,7 @@ from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from renderer.shading.lights import choose_light, light_along, sample_light, samplers
 from renderer.shading.visibility import Seen, hidden, visible
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 Mask = NDArray[np.bool_]
 
@@ -47,7 +52,9 @@ SEED = 0x5EE  # no cell's seed, so that no estimate shares samples with the pass
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """label: (h, w) int64, see LABELS. visibility: (h, w), 0 to 1, nan in background and light. dark: (h, w), where the truth is 0."""
+    """label: (h, w) int64, see LABELS. visibility: (h, w), 0 to 1, nan in background and light. dark: (h, w),
+    where the truth is 0.
+    """
 
     label: NDArray[np.int64]
     visibility: Floats
@@ -61,7 +68,9 @@ class Regions:
 
 
 def find_regions(scene: RenderScene, spp: int = SPP, threads: int = 1) -> Regions | None:
-    """The regions of a scene's picture; None for a scene without lights. spp: samples a pixel of each pass."""
+    """The regions of a scene's picture; None for a scene without lights. spp: samples a pixel of each
+    pass.
+    """
     if not scene.sources.all:
         return None
 
@@ -76,7 +85,9 @@ def find_regions(scene: RenderScene, spp: int = SPP, threads: int = 1) -> Region
     dark = (shaded > 0) & ~light & ~lit_nearby
     whole = (arrived == sent) & (sent > 0)
     label = np.select(
-        [light, shaded == 0, near, dark, whole], [LIGHT, BACKGROUND, CONTACT_LABEL, UMBRA, LIT], default=PENUMBRA
+        [light, shaded == 0, near, dark, whole],
+        [LIGHT, BACKGROUND, CONTACT_LABEL, UMBRA, LIT],
+        default=PENUMBRA,
     )
     share = np.divide(arrived, sent, out=np.zeros_like(sent), where=sent > 0)
     return Regions(label.astype(np.int64), np.where(shaded > 0, share, np.nan), dark)

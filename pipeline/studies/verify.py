@@ -1,11 +1,12 @@
 """Is an estimator unbiased? One render against a reference, by tests that say what they would have caught.
 
-First the guard: samples whose own tail is heavy (statistics/samples.py) have no standard error to test by, whatever p-values
-come out. Then tests (statistics/welch.py) of the image mean, a grid, each region of the picture, and each pixel, together held to
-one level: alpha at most, and less where families overlap and channels share their samples, so that they reject together. Against an exact
-reference regions that few large samples light, and all pixels, are tested by how large samples are (statistics/few_events.py).
-A verdict of "unbiased" is only as good as the power behind it: where a uniform bias of the limit that was asked for
-would not have been caught on the image mean with a probability of 95 %, the verdict is "inconclusive".
+First the guard: samples whose own tail is heavy (statistics/samples.py) have no standard error to test by,
+whatever p-values come out. Then tests (statistics/welch.py) of the image mean, a grid, each region of the
+picture, and each pixel, together held to one level: alpha at most, and less where families overlap and
+channels share their samples, so that they reject together. Against an exact reference regions that few large
+samples light, and all pixels, are tested by how large samples are (statistics/few_events.py). A verdict of
+"unbiased" is only as good as the power behind it: where a uniform bias of the limit that was asked for would
+not have been caught on the image mean with a probability of 95 %, the verdict is "inconclusive".
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ GRID = 4  # rows and columns at most
 class Trial:
     """What is rendered and how it is judged.
 
-    spp: samples a pixel, in each of 32 renders where samples are not independent. alpha: the chance that an unbiased estimator is called
-    biased, all tests together. bias: the relative bias of the image mean that must have been caught for a verdict of "unbiased".
-    correction: of the family of pixels.
+    spp: samples a pixel, in each of 32 renders where samples are not independent. alpha: the chance that an
+    unbiased estimator is called biased, all tests together. bias: the relative bias of the image mean that
+    must have been caught for a verdict of "unbiased". correction: of the family of pixels.
     """
 
     estimator: str
@@ -64,7 +65,9 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """verdict with its reason, a sentence. level: what each family's p is held against. image: (h, w, 3), the estimator's."""
+    """verdict with its reason, a sentence. level: what each family's p is held against. image: (h, w, 3), the
+    estimator's.
+    """
 
     verdict: Outcome
     reason: str
@@ -81,23 +84,30 @@ def verify(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Verification:
-    """Render the scene by the trial's estimator and test it against the reference, which must be of the same scene.
+    """Render the scene by the trial's estimator and test it against the reference, which must be of the same
+    scene.
 
-    parts: regions to test besides, by name (see `region_masks`). PenumbraError where the trial's numbers are out of range,
-    and where the estimator does not apply to the scene.
+    parts: regions to test besides, by name (see `region_masks`). PenumbraError where the trial's numbers are
+    out of range, and where the estimator does not apply to the scene.
     """
     _check(trial)
     return judge(trial, _draw(scene, trial, threads, progress), of_reference(reference), parts)
 
 
 def region_masks(scene: RenderScene, threads: int = 1) -> dict[str, Mask]:
-    """The regions of the scene's picture, "region umbra" and so on, to masks (h, w); none for a scene without lights."""
+    """The regions of the scene's picture, "region umbra" and so on, to masks (h, w); none for a scene without
+    lights.
+    """
     found = find_regions(scene, threads=threads)
     return {f"region {name}": mask for name, mask in found.masks().items()} if found else {}
 
 
-def judge(trial: Trial, side: Side, reference: Moments, parts: Mapping[str, Mask] | None = None) -> Verification:
-    """The verdict on one side of a comparison with its reference, by a family of tests each of the image, a grid, each of `parts`, pixels."""
+def judge(
+    trial: Trial, side: Side, reference: Moments, parts: Mapping[str, Mask] | None = None
+) -> Verification:
+    """The verdict on one side of a comparison with its reference, by a family of tests each of the image, a
+    grid, each of `parts`, pixels.
+    """
     ours, named = side.moments, parts or {}
     height, width = ours.mean.shape[:2]
     grid = (min(GRID, height), min(GRID, width))
@@ -117,26 +127,38 @@ def _found_nothing(ours: Moments, reference: Moments) -> bool:
 
 
 def _black(trial: Trial) -> tuple[Outcome, str]:
-    """Of an image without light: no sign of bias where light is met by chance, and a sure one where each sample goes to a light."""
-    by_chance = trial.estimator in ESTIMATORS.names() and isinstance(ESTIMATORS[trial.estimator], DirectionSampling)
+    """Of an image without light: no sign of bias where light is met by chance, and a sure one where each
+    sample goes to a light.
+    """
+    by_chance = trial.estimator in ESTIMATORS.names() and isinstance(
+        ESTIMATORS[trial.estimator], DirectionSampling
+    )
     if by_chance:
-        return "untrustworthy", "none of its samples met the light that the reference has: nothing tells how rare it is"
+        return (
+            "untrustworthy",
+            "none of its samples met the light that the reference has: nothing tells how rare it is",
+        )
     return "biased", "its image is black, and the reference is not"
 
 
 def _check(trial: Trial) -> None:
     if trial.spp < 2:
         raise PenumbraError(
-            f"spp is {trial.spp}: one sample a pixel has no variance, and nothing can be tested; give at least 2"
+            f"spp is {trial.spp}: one sample a pixel has no variance, and nothing can be tested; give "
+            "at least 2"
         )
     if not 0 < trial.alpha < 1:
         raise PenumbraError(f"alpha is {trial.alpha:g}: the chance of a false alarm lies between 0 and 1")
     if not trial.bias > 0:
-        raise PenumbraError(f"the bias to be caught is {trial.bias:g}: give a positive share, for example 0.01")
+        raise PenumbraError(
+            f"the bias to be caught is {trial.bias:g}: give a positive share, for example 0.01"
+        )
 
 
 def _draw(scene: RenderScene, trial: Trial, threads: int, progress: Progress | None) -> Side:
-    """One render of independent samples, or replicates of others, whose first one's samples are asked about themselves."""
+    """One render of independent samples, or replicates of others, whose first one's samples are asked about
+    themselves.
+    """
 
     def once(seed: int, told: Progress | None = None) -> RenderResult:
         return render(
@@ -162,7 +184,9 @@ def _draw(scene: RenderScene, trial: Trial, threads: int, progress: Progress | N
 
 
 def _verdict(trial: Trial, samples: SampleStatistics, tests: tuple[TestResult, ...]) -> tuple[Outcome, str]:
-    """untrustworthy before biased, as the tests of such samples mean nothing; biased before inconclusive, as what was caught was caught."""
+    """untrustworthy before biased, as the tests of such samples mean nothing; biased before inconclusive, as
+    what was caught was caught.
+    """
     if samples.verdict != "ok":
         return "untrustworthy", f"its samples cannot tell their own error: {samples.reason}"
     rejected = [test for test in tests if test.reject]

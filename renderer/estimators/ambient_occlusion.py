@@ -1,7 +1,9 @@
-"""`ambient-occlusion`: how much of the cosine-weighted hemisphere is open, to a distance: a quantity of its own, not light.
+"""`ambient-occlusion`: how much of the cosine-weighted hemisphere is open, to a distance: a quantity of its
+own, not light.
 
-A(p) = 1/pi int V(p, wi) cos dwi, V being 0 where something is met nearer than the scene's `maxdistance`. Directions go as
-the cosine, so that a sample is V itself. Lights play no part, but for their shapes, which are in the way like any other.
+A(p) = 1/pi int V(p, wi) cos dwi, V being 0 where something is met nearer than the scene's `maxdistance`.
+Directions go as the cosine, so that a sample is V itself. Lights play no part, but for their shapes, which
+are in the way like any other.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from renderer.shading.visibility import Seen, hidden
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 
 @dataclass(frozen=True)

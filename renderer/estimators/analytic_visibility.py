@@ -1,8 +1,10 @@
-"""`analytic-visibility`: the unshadowed light in closed form times how much of it is seen, so that only shadows are noisy.
+"""`analytic-visibility`: the unshadowed light in closed form times how much of it is seen, so that only
+shadows are noisy.
 
-The ratio form [heitz2018] multiplies the closed form A, averaged over a pixel, by the ratio of the pixel's shadowed samples S to
-the same samples without shadows U: A S/U. A ratio of means is consistent but biased, by O(1/spp). The control variate
-A + (S - U) has the same mean as S, is as free of noise where nothing is in the way, and is noisier than the ratio in the umbra.
+The ratio form [heitz2018] multiplies the closed form A, averaged over a pixel, by the ratio of the pixel's
+shadowed samples S to the same samples without shadows U: A S/U. A ratio of means is consistent but biased, by
+O(1/spp). The control variate A + (S - U) has the same mean as S, is as free of noise where nothing is in the
+way, and is noisier than the ratio in the umbra.
 """
 
 from __future__ import annotations
@@ -20,7 +22,10 @@ from renderer.records import SurfaceHit
 from renderer.shading.bsdf import scatter
 from renderer.shading.lights import chance, choose_light, sample_light, samplers, sources_of
 from renderer.shading.visibility import Seen, visible
-from scenes.description import Diffuse, Environment, SceneDescription, ShapeDescription
+from scenes.description.lights import Environment
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import ShapeDescription
 
 BLOCK = 8  # lights whose closed forms are worked out at once: bounds the temporaries
 

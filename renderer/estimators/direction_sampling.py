@@ -1,8 +1,8 @@
 """The hemisphere form: a direction by some rule of the receiver's own, and the light that it happens to meet.
 
-Lo = f(wo, wi) Le(wi) cos V / pdf(wi). The pdf knows nothing of the lights, so that no distance is divided by: however
-near a light comes, the weights stay bounded. What it costs is that a small light is seldom met [pharr2023, sec. 13.2].
-A light of one direction is never met by chance: it gets one light sample of its own.
+Lo = f(wo, wi) Le(wi) cos V / pdf(wi). The pdf knows nothing of the lights, so that no distance is divided by:
+however near a light comes, the weights stay bounded. What it costs is that a small light is seldom met
+[pharr2023, sec. 13.2]. A light of one direction is never met by chance: it gets one light sample of its own.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from renderer.records import SurfaceHit
 from renderer.shading.bsdf import scatter
 from renderer.shading.lights import light_along, pick, sample_light, samplers
 from renderer.shading.visibility import Seen, visible
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 # (scene, hit, u (2, n)) -> wi (3, n), pdf (n,) in 1/sr
 Rule = Callable[[RenderScene, SurfaceHit, Floats], tuple[Floats, Floats]]
@@ -64,7 +64,9 @@ class DirectionSampling:
 
 
 def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-    """One sample of one of the lights that are never met by chance, all equally likely. u: (1, n), (0, n) for fewer than two."""
+    """One sample of one of the lights that are never met by chance, all equally likely. u: (1, n), (0, n) for
+    fewer than two.
+    """
     n = hit.p.shape[1]
     some = np.flatnonzero(scene.lights.delta)
     if some.size == 0:

@@ -11,7 +11,8 @@ from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from scenes.description import Environment, SceneDescription
+from scenes.description.lights import Environment
+from scenes.description.scene import SceneDescription
 
 
 @dataclass(frozen=True)

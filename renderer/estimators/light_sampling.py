@@ -1,4 +1,6 @@
-"""The light sampled by one technique: Lo = f(wo, wi) Le cos V / (pmf(light) pdf(wi)), one light a sample [pharr2023, sec. 13.2]."""
+"""The light sampled by one technique: Lo = f(wo, wi) Le cos V / (pmf(light) pdf(wi)), one light a sample
+[pharr2023, sec. 13.2].
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from renderer.records import SurfaceHit
 from renderer.shading.bsdf import scatter
 from renderer.shading.lights import chance, choose_light, sample_light, samplers, without
 from renderer.shading.visibility import Seen, visible
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class LightSampling:
 
 
 def by_light(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, *preferred: str) -> Reflected:
-    """One light sample a row, by the first of the preferred techniques that each light has. u: as `choose_light` takes it."""
+    """One light sample a row, by the first of the preferred techniques that each light has. u: as
+    `choose_light` takes it.
+    """
     if hit.p.shape[1] == 0:
         return Reflected(np.zeros((3, 0)), 0)
     light, u = choose_light(scene, u)

@@ -27,7 +27,8 @@ from renderer.shading.lights import (
     samplers,
 )
 from renderer.shading.visibility import Seen, visible
-from scenes.description import Environment, SceneDescription
+from scenes.description.lights import Environment
+from scenes.description.scene import SceneDescription
 
 # Lights are sampled by the first of these that they have: bounded weights before unbounded ones.
 BEST = ("environment", "solid-angle", "area")
@@ -35,7 +36,9 @@ BEST = ("environment", "solid-angle", "area")
 
 @dataclass(frozen=True)
 class MultipleImportance:
-    """One light sample and one BRDF sample. power: 1 for the balance heuristic, 2 for the power heuristic. preferred: techniques."""
+    """One light sample and one BRDF sample. power: 1 for the balance heuristic, 2 for the power heuristic.
+    preferred: techniques.
+    """
 
     name: str
     title: str
@@ -46,7 +49,9 @@ class MultipleImportance:
     ratio: bool = False
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """Compensation without an image to compensate; else None: the BRDF takes what light sampling does badly."""
+        """Compensation without an image to compensate; else None: the BRDF takes what light sampling does
+        badly.
+        """
         if self.preferred == BEST or any(isinstance(light, Environment) for light in scene.lights):
             return None
         return "it has no environment to compensate"
@@ -66,7 +71,12 @@ class MultipleImportance:
         return by_light + self._brdf(scene, plan, hit, u[:2], techniques)
 
     def _light(
-        self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, techniques: list[DirectionSampler]
+        self,
+        scene: RenderScene,
+        plan: RenderPlan,
+        hit: SurfaceHit,
+        u: Floats,
+        techniques: list[DirectionSampler],
     ) -> Reflected:
         light, u = choose_light(scene, u)
         sample = sample_light(scene, techniques, hit, light, u)
@@ -82,7 +92,12 @@ class MultipleImportance:
         return visible(scene, plan, hit, seen, sample.valid & (cosine > 0), radiance)
 
     def _brdf(
-        self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, techniques: list[DirectionSampler]
+        self,
+        scene: RenderScene,
+        plan: RenderPlan,
+        hit: SurfaceHit,
+        u: Floats,
+        techniques: list[DirectionSampler],
     ) -> Reflected:
         wi, own = sample_material(scene, hit, u)
         seen, le = light_along(scene, hit, wi)
@@ -101,9 +116,12 @@ class MultipleImportance:
 
 
 ESTIMATORS.add("mis", MultipleImportance("mis", "light and BRDF samples, power heuristic", 2))
-ESTIMATORS.add("mis-balance", MultipleImportance("mis-balance", "light and BRDF samples, balance heuristic", 1))
+ESTIMATORS.add(
+    "mis-balance", MultipleImportance("mis-balance", "light and BRDF samples, balance heuristic", 1)
+)
 COMPENSATED = "light and BRDF samples, the environment's brighter part"
 # The balance heuristic is what compensation was derived for.
 ESTIMATORS.add(
-    "mis-compensated", MultipleImportance("mis-compensated", COMPENSATED, 1, ("environment-compensated", *BEST))
+    "mis-compensated",
+    MultipleImportance("mis-compensated", COMPENSATED, 1, ("environment-compensated", *BEST)),
 )

@@ -1,4 +1,6 @@
-"""`solid-angle`: uniform in the solid angle that the light subtends; its pdf carries the 1/d^2, so weights stay bounded."""
+"""`solid-angle`: uniform in the solid angle that the light subtends; its pdf carries the 1/d^2, so weights
+stay bounded.
+"""
 
 from renderer.estimators.light_sampling import LightSampling
 from renderer.interfaces.estimator import ESTIMATORS

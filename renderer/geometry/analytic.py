@@ -1,4 +1,5 @@
-"""Shapes met by formula, in float64: spheres, disks, emitting rectangles and small emitting meshes, as hits and as occluders.
+"""Shapes met by formula, in float64: spheres, disks, emitting rectangles and small emitting meshes, as hits
+and as occluders.
 
 Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor is still above it.
 """
@@ -22,9 +23,9 @@ class Quadrics:
     """All quadrics of a scene, told apart by `kind`; unused parameters are 0.
 
     kind: (k,) RECTANGLE, DISK, SPHERE or TRIANGLE. shape: (k,). origin: (3, k), a corner or a centre.
-    x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose products with a point's
-    offset are its coordinates along the two edges. normal: (3, k), the emitting side of flat ones.
-    radius: (k,). side: (k,), -1 for a sphere whose normal points inwards.
+    x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose
+    products with a point's offset are its coordinates along the two edges. normal: (3, k), the emitting side
+    of flat ones. radius: (k,). side: (k,), -1 for a sphere whose normal points inwards.
     """
 
     kind: NDArray[np.int8]
@@ -44,7 +45,8 @@ class Quadrics:
     def closest(
         self, among: NDArray[np.int64], o: Floats, d: Floats, own: NDArray[np.int64] | None = None
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the quadrics `among`: t (n,), inf for none, and which (n,).
+        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the quadrics `among`: t (n,), inf for none,
+        and which (n,).
 
         own: (n,) the quadric that each ray leaves, -1 for none, handled as in `occluded`.
         """
@@ -74,9 +76,9 @@ class Quadrics:
     ) -> NDArray[np.bool_]:
         """(n,): whether a quadric of `among` lies on the ray between tmin and tmax, each (n,).
 
-        own, goal: (n,) the quadrics that the ray leaves and goes to, -1 for none. The goal never blocks; what the ray
-        leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance; tmin and tmax are there for
-        other quadrics that touch either of them.
+        own, goal: (n,) the quadrics that the ray leaves and goes to, -1 for none. The goal never blocks; what
+        the ray leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance; tmin
+        and tmax are there for other quadrics that touch either of them.
         """
         blocked = np.zeros(d.shape[1], dtype=np.bool_)
         for kind, block in self._blocks(among):
@@ -95,7 +97,9 @@ class Quadrics:
         on_sphere = origin + radial * self.radius[which]
         height = dot(away, self.normal[:, which])
         on_plane = p - self.normal[:, which] * height
-        return np.where(sphere, on_sphere, on_plane), np.where(sphere, radial * self.side[which], self.normal[:, which])
+        return np.where(sphere, on_sphere, on_plane), np.where(
+            sphere, radial * self.side[which], self.normal[:, which]
+        )
 
     def _blocks(self, among: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
         for kind in (RECTANGLE, DISK, SPHERE, TRIANGLE):
@@ -113,16 +117,22 @@ class Quadrics:
         far: Floats,
         own: NDArray[np.int64],
     ) -> tuple[Floats, Floats]:
-        """The roots (b, n) without the surface that the ray leaves, which is met again only by a sphere left inwards."""
+        """The roots (b, n) without the surface that the ray leaves, which is met again only by a sphere left
+        inwards.
+        """
         leaves = block[:, None] == own
         inwards = np.zeros_like(leaves)
         if kind == SPHERE:
             inwards = dot(o[:, None, :] - self.origin[:, block, None], d[:, None, :]) < 0
-        # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if ahead.
+        # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if
+        # ahead.
         return np.where(leaves, -np.inf, near), np.where(leaves & ~inwards, -np.inf, far)
 
     def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
-        """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none. Flat quadrics have one."""
+        """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none.
+
+        Flat quadrics have one.
+        """
         to_origin = self.origin[:, block, None] - o[:, None, :]
         d = d[:, None, :]
         if kind == SPHERE:
@@ -170,7 +180,9 @@ def disk(shape: int, center: Floats, normal: Floats, radius: float) -> Quadrics:
 
 
 def rectangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
-    """One rectangle. corners: (4, 3) in the order p00 p10 p01 p11; one without area gets NaN, and is refused as a light."""
+    """One rectangle. corners: (4, 3) in the order p00 p10 p01 p11; one without area gets NaN, and is refused
+    as a light.
+    """
     ex, ey = corners[1] - corners[0], corners[2] - corners[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         lx, ly = float(np.linalg.norm(ex)), float(np.linalg.norm(ey))
@@ -223,4 +235,6 @@ def join(parts: list[Quadrics]) -> Quadrics:
     """All quadrics of a list, in order; none are an object of length 0."""
     end = None if parts else 0
     some = parts or [_single(SPHERE, 0, np.zeros(3))]  # for the shapes of its arrays alone
-    return Quadrics(*(np.concatenate([getattr(p, f.name) for p in some], axis=-1)[..., :end] for f in fields(Quadrics)))
+    return Quadrics(
+        *(np.concatenate([getattr(p, f.name) for p in some], axis=-1)[..., :end] for f in fields(Quadrics))
+    )

@@ -12,15 +12,18 @@ from renderer.geometry.analytic import Quadrics, disk, join, rectangle, sphere, 
 from renderer.geometry.triangles import Triangles, make_triangles
 from renderer.lights.rectangle import are_rectangles
 from renderer.math.vectors import Floats
-from scenes.description import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 
-# Emitting meshes of up to so many faces are met by formula, in float64: each face costs every ray some 20 ns there.
+# Emitting meshes of up to so many faces are met by formula, in float64: each face costs every ray some 20 ns
+# there.
 FEW = 64
 
 
 def by_formula(shape: ShapeDescription) -> bool:
-    """Whether rays meet a shape by formula: spheres, disks, and what emits from rectangles or few triangles."""
+    """Whether rays meet a shape by formula: spheres, disks, and what emits from rectangles or few
+    triangles.
+    """
     if isinstance(shape.geometry, TriangleMesh):
         return shape.emission is not None and len(shape.geometry.faces) <= FEW
     return shape.emission is not None or not isinstance(shape.geometry, BilinearMesh)
@@ -43,7 +46,9 @@ def _own(i: int, s: ShapeDescription) -> list[Quadrics]:
 
 
 def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
-    """All other triangles and patches as one mesh, in the order of shapes and their faces; None without any."""
+    """All other triangles and patches as one mesh, in the order of shapes and their faces; None without
+    any.
+    """
     vertices: list[Floats] = []
     faces: list[NDArray[np.int64]] = []
     shape: list[NDArray[np.int64]] = []
@@ -67,7 +72,9 @@ def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
 
 
 def without_skew(shape: ShapeDescription) -> ShapeDescription:
-    """The shape; one that emits from patches which are no rectangles, as the triangles that these are made of."""
+    """The shape; one that emits from patches which are no rectangles, as the triangles that these are made
+    of.
+    """
     g = shape.geometry
     if shape.emission is None or (isinstance(g, BilinearMesh) and are_rectangles(g)):
         return shape
@@ -79,5 +86,7 @@ def without_skew(shape: ShapeDescription) -> ShapeDescription:
 
 
 def split(patches: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Patches (q, 4), corners p00 p10 p01 p11, as triangles (2 q, 3): first the half at p10 of each, then the half at p01."""
+    """Patches (q, 4), corners p00 p10 p01 p11, as triangles (2 q, 3): first the half at p10 of each, then the
+    half at p01.
+    """
     return np.concatenate([patches[:, [0, 1, 3]], patches[:, [0, 3, 2]]])

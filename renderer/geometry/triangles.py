@@ -1,8 +1,9 @@
 """Triangles by Embree's BVH; the only import of embreex.
 
-Embree works in float32, so the triangles are moved to the origin and scaled to [-1, 1] first, hits are worked out anew
-in float64 from the triangle that Embree names, and shadow rays start off the surface by a bound on what float32 may
-have lost: rounding grows with the coordinates and with the size of the triangle, and so does the bound.
+Embree works in float32, so the triangles are moved to the origin and scaled to [-1, 1] first, hits are worked
+out anew in float64 from the triangle that Embree names, and shadow rays start off the surface by a bound on
+what float32 may have lost: rounding grows with the coordinates and with the size of the triangle, and so does
+the bound.
 """
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 from renderer.math.vectors import Floats, dot, gather, normalize
 
 ULP = 2.0**-24  # half a unit in the last place of a float32 in [1, 2), relative
-# A corner moves by one ULP of its coordinates, the plane's distance is the sum of three products of such differences,
+# A corner moves by one ULP of its coordinates, the plane's distance is the sum of three products of such
+# differences,
 # and the origin itself is rounded: twelve roundings in all, of up to sqrt(3) each for the diagonal.
 ROUNDINGS = 24.0
 SLENDER = 100.0  # length over height of the slimmest triangle that the bound is good for
@@ -28,7 +30,8 @@ FAR = 4.0  # in Embree's units, where the scene spans [-1, 1]: rays from farther
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """v0, normal: (3, t) float64, world space; shape: (t,); bound: (t,) size that float32 rounding scales with.
+    """v0, normal: (3, t) float64, world space; shape: (t,); bound: (t,) size that float32 rounding scales
+    with.
 
     largest: the largest of these bounds but for slivers.
 
@@ -49,15 +52,20 @@ class Triangles:
     def only(self, keep: NDArray[np.bool_]) -> Triangles:
         """The same triangles, of which only those to keep (t,) are met."""
         vertices, faces = self.mesh
-        return replace(self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep])))
+        return replace(
+            self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep]))
+        )
 
     def closest(self, o: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """First triangle on each ray: distance (n,) in float64, inf for none, and its index (n,), -1 for none.
+        """First triangle on each ray: distance (n,) in float64, inf for none, and its index (n,), -1 for
+        none.
 
         o: (3, 1), one camera for all rays. d: (3, n), unit.
         """
         start = (o - self.center) * self.scale
-        if dot(start, start)[0] > FAR * FAR:  # float32 has no digits left out there: go to where the scene is near
+        if (
+            dot(start, start)[0] > FAR * FAR
+        ):  # float32 has no digits left out there: go to where the scene is near
             ahead = np.maximum(-dot(start, d) - FAR, 0.0)
             start = start + d * ahead
         else:
@@ -67,11 +75,15 @@ class Triangles:
     def closest_from(
         self, p: Floats, n: Floats, triangle: NDArray[np.int64], wi: Floats
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """As `closest`, for rays wi (3, n) that leave surfaces: p, n: (3, n) points and normals, triangle: (n,) as in `occluded`."""
+        """As `closest`, for rays wi (3, n) that leave surfaces: p, n: (3, n) points and normals, triangle:
+        (n,) as in `occluded`.
+        """
         return self._first(p, self._lifted(p, n, self._own(triangle)), wi)
 
     def _first(self, o: Floats, start: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """The hits of rays that start at `start` (3, n) in Embree's units, their distances from o (3, n) or (3, 1)."""
+        """The hits of rays that start at `start` (3, n) in Embree's units, their distances from o (3, n) or
+        (3, 1).
+        """
         hit: NDArray[np.int32] = self.bvh.run(start.astype(np.float32).T, d.astype(np.float32).T)
         row = self.member.take(np.maximum(hit, 0))
         index = np.where(hit >= 0, row, -1)
@@ -85,12 +97,15 @@ class Triangles:
         """(n,) the bounds of the triangles that points lie on, 0 for none."""
         return np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
 
-    def occluded(self, p: Floats, n: Floats, triangle: NDArray[np.int64], y: Floats, ny: Floats) -> NDArray[np.bool_]:
+    def occluded(
+        self, p: Floats, n: Floats, triangle: NDArray[np.int64], y: Floats, ny: Floats
+    ) -> NDArray[np.bool_]:
         """(n,): whether a triangle lies between points p and points y on lights.
 
-        n: (3, n) the normals at p. ny: (3, n) or (3, 1), the lights' normals at y, on the side of p. triangle: (n,) the
-        one that p lies on, -1 for none. Both ends are lifted off their surfaces, so that neither p's own triangle nor
-        what touches the light from behind lies in between; what is nearer than that to either is not seen.
+        n: (3, n) the normals at p. ny: (3, n) or (3, 1), the lights' normals at y, on the side of p.
+        triangle: (n,) the one that p lies on, -1 for none. Both ends are lifted off their surfaces, so that
+        neither p's own triangle nor what touches the light from behind lies in between; what is nearer than
+        that to either is not seen.
         """
         start = self._lifted(p, n, self._own(triangle))
         way = self._lifted(y, ny, self.largest) - start
@@ -106,7 +121,9 @@ class Triangles:
         return self.largest * ROUNDINGS * ULP
 
     def _lifted(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
-        """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of ulp."""
+        """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of
+        ulp.
+        """
         q = np.abs(p - self.center)
         size = np.maximum(np.maximum(q[0], q[1]), q[2]) + bound
         return (p + n * (size * (ROUNDINGS * ULP)) - self.center) * self.scale
@@ -115,7 +132,10 @@ class Triangles:
 def make_triangles(
     vertices: Floats, faces: NDArray[np.int64], shape: NDArray[np.int64], reverse: NDArray[np.bool_]
 ) -> Triangles:
-    """vertices: (m, 3). faces: (t, 3). shape, reverse: (t,). A triangle without area keeps a zero normal and is never hit."""
+    """vertices: (m, 3). faces: (t, 3). shape, reverse: (t,).
+
+    A triangle without area keeps a zero normal and is never hit.
+    """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     center = (low + high) / 2
     half = float(np.max(high - low)) / 2
@@ -133,15 +153,19 @@ def make_triangles(
 
 
 def _bounds(corners: Floats, center: Floats) -> Floats:
-    """(t,) what rounding scales with: a triangle's distance from the centre, and its size times its slenderness.
+    """(t,) what rounding scales with: a triangle's distance from the centre, and its size times its
+    slenderness.
 
-    The normal that Embree computes is off by an angle of ULP times length over height, and the plane by that angle over
-    the length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays off it would leak light.
+    The normal that Embree computes is off by an angle of ULP times length over height, and the plane by that
+    angle over the length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays off it
+    would leak light.
     """
     edges = corners[:, [1, 2, 0]] - corners
     square = (edges * edges).sum(axis=2).max(axis=1)
     double = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    slender = np.minimum(np.divide(square, double, out=np.full_like(double, SLENDER), where=double > 0), SLENDER)
+    slender = np.minimum(
+        np.divide(square, double, out=np.full_like(double, SLENDER), where=double > 0), SLENDER
+    )
     return np.sqrt(square) * slender + np.abs(corners - center).max(axis=(1, 2))
 
 

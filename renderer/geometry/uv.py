@@ -1,6 +1,7 @@
 """Texture coordinates of points on shapes, as pbrt-v4 lays them.
 
-On triangles and parallelograms they are an affine function of the point, on spheres and disks angles about their own axes.
+On triangles and parallelograms they are an affine function of the point, on spheres and disks angles about
+their own axes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from renderer.geometry.primitives import by_formula, split
 from renderer.math.vectors import Floats, dot
-from scenes.description import BilinearMesh, Diffuse, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 
 TRIANGLE_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
@@ -26,8 +28,9 @@ CLOSED = 1e-6
 class Coordinates:
     """Of the t triangles and the k quadrics of a scene, in their order.
 
-    origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and of_quadric: (k,) the face of each,
-    -1 for none. frames: (3, 3, k), columns the axes of spheres and disks; center: (3, k); radius: (k,), 0 for all others.
+    origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and
+    of_quadric: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres and disks;
+    center: (3, k); radius: (k,), 0 for all others.
     """
 
     origin: Floats
@@ -54,7 +57,9 @@ class Coordinates:
         return out
 
     def _round(self, p: Floats, which: NDArray[np.int64]) -> Floats:
-        """On spheres u is the angle about z and v = 1 - theta/pi; on disks v goes from 1 at the centre to 0 at the rim."""
+        """On spheres u is the angle about z and v = 1 - theta/pi; on disks v goes from 1 at the centre to 0
+        at the rim.
+        """
         away, frame = p - self.center.take(which, axis=1), self.frames.take(which, axis=2)
         x, y, z = (dot(frame[:, i], away) for i in range(3))
         phi = np.arctan2(y, x)
@@ -69,7 +74,10 @@ def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def coordinates(shapes: Sequence[ShapeDescription]) -> Coordinates | None:
-    """Of a scene in which some surface varies, else None. SceneError for a varying patch that is no parallelogram."""
+    """Of a scene in which some surface varies, else None.
+
+    SceneError for a varying patch that is no parallelogram.
+    """
     if not any(varies(s) for s in shapes):
         return None
     corners: list[Floats] = [np.zeros((0, 3, 3))]
@@ -95,7 +103,9 @@ def coordinates(shapes: Sequence[ShapeDescription]) -> Coordinates | None:
             triangles.extend(numbers)
         faces += len(own)
     origin, along = _affine(np.concatenate(corners), np.concatenate(uv))
-    frames = np.stack([np.eye(3) if r is None or r.frame is None else r.frame for r in rounds] or [np.eye(3)], axis=2)
+    frames = np.stack(
+        [np.eye(3) if r is None or r.frame is None else r.frame for r in rounds] or [np.eye(3)], axis=2
+    )
     return Coordinates(
         origin,
         along,
@@ -115,13 +125,17 @@ def varies(s: ShapeDescription) -> bool:
 
 
 def _faces(s: ShapeDescription, g: TriangleMesh | BilinearMesh, whole: bool) -> tuple[Floats, Floats]:
-    """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a shape; a patch is one or two of them."""
+    """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a shape; a patch is one or
+    two of them.
+    """
     default = TRIANGLE_UV if isinstance(g, TriangleMesh) else PATCH_UV
     p = g.vertices[g.faces]
     uv = g.uv[g.faces] if g.uv is not None else np.broadcast_to(default, (*g.faces.shape, 2))
     if isinstance(g, TriangleMesh):
         return p, uv
-    off = max(np.abs(a[:, 3] - a[:, 1] - a[:, 2] + a[:, 0]).max() / max(np.abs(a).max(), 1e-300) for a in (p, uv))
+    off = max(
+        np.abs(a[:, 3] - a[:, 1] - a[:, 2] + a[:, 0]).max() / max(np.abs(a).max(), 1e-300) for a in (p, uv)
+    )
     if varies(s) and off > CLOSED:
         raise SceneError("a texture on a patch that is no parallelogram is not supported", s.where)
     if whole:
@@ -131,7 +145,9 @@ def _faces(s: ShapeDescription, g: TriangleMesh | BilinearMesh, whole: bool) -> 
 
 
 def _affine(corners: Floats, uv: Floats) -> tuple[Floats, Floats]:
-    """origin (2, m) and along (2, 3, m) for corners (m, 3, 3) with uv (m, 3, 2); a face without area gets its first corner's."""
+    """origin (2, m) and along (2, 3, m) for corners (m, 3, 3) with uv (m, 3, 2); a face without area gets its
+    first corner's.
+    """
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(a, b)
     square = (normal * normal).sum(axis=1, keepdims=True)

@@ -9,16 +9,17 @@ from renderer.build import RenderScene
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.registry import Registry
 
 
 @dataclass(frozen=True, eq=False)
 class Reflected:
-    """radiance: (3, n) one sample of the light that each point reflects towards wo. shadow_rays: how many were traced.
+    """radiance: (3, n) one sample of the light that each point reflects towards wo. shadow_rays: how many
+    were traced.
 
-    ratio: closed and unshadowed, each (3, n), of an estimator that is a pixel's closed * radiance / unshadowed, each of them
-    averaged first; None for all others, which are the average of radiance.
+    ratio: closed and unshadowed, each (3, n), of an estimator that is a pixel's closed * radiance /
+    unshadowed, each of them averaged first; None for all others, which are the average of radiance.
     """
 
     radiance: Floats
@@ -55,7 +56,9 @@ class Estimator(Protocol):
 
     @property
     def bias(self) -> str | None:
-        """Why its mean is not the truth at a finite number of samples, in a few words; None for an unbiased estimator."""
+        """Why its mean is not the truth at a finite number of samples, in a few words; None for an unbiased
+        estimator.
+        """
         ...
 
     def refuses(self, scene: SceneDescription) -> str | None:
@@ -67,7 +70,10 @@ class Estimator(Protocol):
         ...
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """One sample a row. u: (dimensions, n) in [0, 1). Rows stand alone: a row's bits do not depend on the others."""
+        """One sample a row. u: (dimensions, n) in [0, 1).
+
+        Rows stand alone: a row's bits do not depend on the others.
+        """
         ...
 
 

@@ -1,4 +1,7 @@
-"""What a kind of light offers. One object holds all lights of its kind, their parameters in arrays of length k."""
+"""What a kind of light offers.
+
+One object holds all lights of its kind, their parameters in arrays of length k.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,8 @@ from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, dot, gather, normalize
 from renderer.records import LightSample
-from scenes.description import Geometry, Light, ShapeDescription
+from scenes.description.lights import Light
+from scenes.description.shapes import Geometry, ShapeDescription
 from scenes.registry import Registry
 
 Index = NDArray[np.integer]
@@ -29,7 +33,9 @@ class DirectionSampler(Protocol):
         ...
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """Density (n,) in 1/sr of the directions wi (3, n); 0 where the light is not hit or the technique never goes."""
+        """Density (n,) in 1/sr of the directions wi (3, n); 0 where the light is not hit or the technique
+        never goes.
+        """
         ...
 
 
@@ -44,15 +50,23 @@ class LightExample:
 
 
 def receivers(center: Floats, size: float) -> tuple[Floats, Floats]:
-    """Points to see a light at `center` (3,) from: below, far, aside, grazing, near, the normal turned. Two (3, 6) arrays."""
-    away = np.array([[0, -2, 0], [30, -40, 10], [2, -1, 1], [3, -1e-2, 0.3], [0.1, -1e-2, 0.2], [0.3, -1.5, 0.1]]).T
+    """Points to see a light at `center` (3,) from: below, far, aside, grazing, near, the normal turned.
+
+    Two (3, 6) arrays.
+    """
+    away = np.array(
+        [[0, -2, 0], [30, -40, 10], [2, -1, 1], [3, -1e-2, 0.3], [0.1, -1e-2, 0.2], [0.3, -1.5, 0.1]]
+    ).T
     n = np.array([[0, 1, 0], [0, 1, 0], [-1, 1, 0], [0, 1, 0], [0, 1, 0], [1, 0.1, 0]], dtype=np.float64).T
     return center[:, None] + away * size, normalize(n)
 
 
 @runtime_checkable
 class LightKind(Protocol):
-    """All lights of one kind. `delta`: light comes from one direction only at every point, and is never met by chance."""
+    """All lights of one kind.
+
+    `delta`: light comes from one direction only at every point, and is never met by chance.
+    """
 
     delta: ClassVar[bool]
 
@@ -83,11 +97,15 @@ class LightKind(Protocol):
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> LightKind:
-        """From the sources of this kind and their indices among the scene's; SceneError where one cannot be."""
+        """From the sources of this kind and their indices among the scene's; SceneError where one cannot
+        be.
+        """
         ...
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """Irradiance (3, n) in W/m^2 of surfaces at ref_p facing ref_n, nothing being in between; None without a closed form."""
+        """Irradiance (3, n) in W/m^2 of surfaces at ref_p facing ref_n, nothing being in between; None
+        without a closed form.
+        """
         ...
 
     @classmethod
@@ -99,7 +117,9 @@ class LightKind(Protocol):
 def emits_as(source: Source, geometry: type | tuple[type, ...]) -> bool:
     """Whether a source is a shape of some geometry that emits."""
     return (
-        isinstance(source, ShapeDescription) and source.emission is not None and isinstance(source.geometry, geometry)
+        isinstance(source, ShapeDescription)
+        and source.emission is not None
+        and isinstance(source.geometry, geometry)
     )
 
 
@@ -130,7 +150,9 @@ class Emitters:
     two_sided: NDArray[np.bool_]
 
     def emits(self, index: Index, cos_light: Floats) -> NDArray[np.bool_]:
-        """(n,): whether a point whose outward direction makes cos_light (n,) with the emitting normal sends light there."""
+        """(n,): whether a point whose outward direction makes cos_light (n,) with the emitting normal sends
+        light there.
+        """
         if not self.two_sided.any():
             return cos_light > 0
         return (cos_light > 0) | (self.two_sided.take(index) & (cos_light < 0))
@@ -138,7 +160,9 @@ class Emitters:
     def repeat(self, each: Sequence[int]) -> Emitters:
         """Each emitter as many times as `each` says: the parts of one shape."""
         return Emitters(
-            self.source.repeat(each, axis=0), self.radiance.repeat(each, axis=1), self.two_sided.repeat(each, axis=0)
+            self.source.repeat(each, axis=0),
+            self.radiance.repeat(each, axis=1),
+            self.two_sided.repeat(each, axis=0),
         )
 
     @staticmethod
@@ -168,7 +192,9 @@ class Surface(Protocol):
         ...
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """(n,): whether a surface point sends light to ref_p, the rest of its own surface not being in the way."""
+        """(n,): whether a surface point sends light to ref_p, the rest of its own surface not being in the
+        way.
+        """
         ...
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
@@ -182,7 +208,9 @@ class Surface(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class AreaSampling:
-    """Uniform over the light's surface: pdf = d^2 / (cos_light A) [pharr2023, sec. 6.1]; unbounded weights as d goes to 0."""
+    """Uniform over the light's surface: pdf = d^2 / (cos_light A) [pharr2023, sec. 6.1]; unbounded weights as
+    d goes to 0.
+    """
 
     surface: Surface
 

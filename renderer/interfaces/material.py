@@ -1,4 +1,7 @@
-"""What a kind of material offers. One object holds all materials of its kind, indexed by the scene's shapes."""
+"""What a kind of material offers.
+
+One object holds all materials of its kind, indexed by the scene's shapes.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
 from renderer.records import SurfaceHit
-from scenes.description import ShapeDescription
+from scenes.description.shapes import ShapeDescription
 from scenes.registry import Registry
 
 
@@ -34,15 +37,21 @@ class MaterialKind(Protocol):
 
     @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> MaterialKind:
-        """From all shapes of a scene, so that a shape's index is its material's; rows of other kinds are black."""
+        """From all shapes of a scene, so that a shape's index is its material's; rows of other kinds are
+        black.
+        """
         ...
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """BRDF values (3, n) or (3, 1) in 1/sr, without the cosine, wi on the side of the normals; 0 for other materials' points."""
+        """BRDF values (3, n) or (3, 1) in 1/sr, without the cosine, wi on the side of the normals; 0 for
+        other materials' points.
+        """
         ...
 
     def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-        """Directions wi (3, n) as the BRDF would have them, u (2, n) in [0, 1), and their pdf (n,) in 1/sr."""
+        """Directions wi (3, n) as the BRDF would have them, u (2, n) in [0, 1), and their pdf (n,) in
+        1/sr.
+        """
         ...
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
@@ -50,7 +59,9 @@ class MaterialKind(Protocol):
         ...
 
     def black(self) -> NDArray[np.bool_]:
-        """(s,): shapes whose material of this kind scatters nothing at all; shapes of other kinds are among them."""
+        """(s,): shapes whose material of this kind scatters nothing at all; shapes of other kinds are among
+        them.
+        """
         ...
 
     @classmethod

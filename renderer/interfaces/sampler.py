@@ -16,7 +16,8 @@ UInt64 = NDArray[np.uint64]
 
 @runtime_checkable
 class Sampler(Protocol):
-    """Numbers in [0, 1) for a sample of a pixel, whatever chunk or thread asks for them; made from a seed and the spp.
+    """Numbers in [0, 1) for a sample of a pixel, whatever chunk or thread asks for them; made from a seed and
+    the spp.
 
     `independent`: whether samples of a pixel are, so that their spread tells the variance of their mean.
     `prefix`: whether the first n samples of N are what n samples would have been.
@@ -28,7 +29,9 @@ class Sampler(Protocol):
     prefix: ClassVar[bool]
 
     def __init__(self, seed: int, spp: int) -> None:
-        """seed: 0 or more. spp: how many samples a pixel gets in all; PenumbraError where the sampler ends below that."""
+        """seed: 0 or more. spp: how many samples a pixel gets in all; PenumbraError where the sampler ends
+        below that.
+        """
         ...
 
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
@@ -42,7 +45,9 @@ GOLDEN = 0x9E3779B97F4A7C15
 
 
 def mix(x: UInt64) -> UInt64:
-    """A bijection of 64-bit integers in which each bit of x moves each bit of the result [steele2014, variant 13]."""
+    """A bijection of 64-bit integers in which each bit of x moves each bit of the result [steele2014, variant
+    13].
+    """
     x = x ^ (x >> np.uint64(30))
     x *= np.uint64(0xBF58476D1CE4E5B9)
     x ^= x >> np.uint64(27)

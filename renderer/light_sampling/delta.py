@@ -1,4 +1,6 @@
-"""What lights of a single direction have in common: they are sampled with certainty and never met by chance."""
+"""What lights of a single direction have in common: they are sampled with certainty and never met by
+chance.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ class Arrival(Protocol):
     """What a light of a single direction must tell."""
 
     def arrive(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Floats]:
-        """The direction (3, n) and distance (n,) of the light and the irradiance (3, n) or (3, 1) on a surface that faces it.
+        """The direction (3, n) and distance (n,) of the light and the irradiance (3, n) or (3, 1) on a
+        surface that faces it.
 
         Where there is no direction, or no finite number, what is returned is not finite; no warning is given.
         """
@@ -36,7 +39,10 @@ class DeltaSampling:
     light: Arrival
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`. Not valid where nothing arrives, at the light itself, and where numbers overflow."""
+        """See `DirectionSampler`.
+
+        Not valid where nothing arrives, at the light itself, and where numbers overflow.
+        """
         wi, dist, irradiance = self.light.arrive(index, ref_p)
         return LightSample(wi, dist, -wi, irradiance, np.ones(dist.size), _arrives(wi, irradiance))
 
@@ -65,7 +71,8 @@ def delta_irradiance(light: Arrival, index: Index, ref_p: Floats, ref_n: Floats)
 def towards(position: Floats, ref_p: Floats) -> tuple[Floats, Floats]:
     """Unit vectors (3, n) and distances (n,) to positions (3, n) or (3, 1); NaN vectors at distance 0.
 
-    Scaled by the largest component first: squares of distances beyond 1e154 or below 1e-154 would over- or underflow.
+    Scaled by the largest component first: squares of distances beyond 1e154 or below 1e-154 would over- or
+    underflow.
     """
     with np.errstate(all="ignore"):
         d = position - ref_p
@@ -84,7 +91,9 @@ def fall_off(intensity: Floats, dist: Floats) -> Floats:
 def light_values(values: Floats, what: str, where: Location | None) -> Floats:
     """The three values of a light; SceneError where they are no amounts of light."""
     if not (np.isfinite(values) & (values >= 0)).all():
-        raise SceneError(f"{what} must be finite and not negative, not {', '.join(f'{v:.6g}' for v in values)}", where)
+        raise SceneError(
+            f"{what} must be finite and not negative, not {', '.join(f'{v:.6g}' for v in values)}", where
+        )
     return values
 
 

@@ -1,7 +1,8 @@
 """Disk lights: `area`, and `solid-angle` by the spherical ellipse that they are seen as [guillen2017].
 
-The mathematics is `renderer.spherical.disk` and `disk_irradiance`. Their frame has its first axis from the point towards the
-disk's axis, the second across it in the disk's plane, the third from the point to that plane.
+The mathematics is `renderer.spherical.disk` and `disk_irradiance`. Their frame has its first axis from the
+point towards the disk's axis, the second across it in the disk's plane, the third from the point to that
+plane.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from renderer.math.warp import concentric_disk
 from renderer.records import LightSample
 from renderer.spherical.disk import DiskView, disk_view, sample, solid_angle
 from renderer.spherical.disk_irradiance import disk_irradiance
-from scenes.description import Diffuse, Disk, Emission, ShapeDescription
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Disk, Emission, ShapeDescription
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,9 @@ class DiskLights:
         x, y = dot(ref_n, gather(self.x, index)), dot(ref_n, gather(self.y, index))
         along, across = frame.cosine * x + frame.sine * y, frame.cosine * y - frame.sine * x
         e = disk_irradiance(view, along, across, -frame.side * dot(ref_n, gather(self.normal, index)))
-        return gather(self.emitters.radiance, index) * np.where(self.emitters.emits(index, frame.side), e, 0.0)
+        return gather(self.emitters.radiance, index) * np.where(
+            self.emitters.emits(index, frame.side), e, 0.0
+        )
 
     def view(self, index: Index, p: Floats) -> tuple[DiskView, _Frame]:
         """How points p (3, n) see their disks, and the frames in which they do."""
@@ -141,7 +145,9 @@ class DiskLights:
             [[0.0, -0.03, 0.0], [0.95, -0.03, 0.1], [1.05, -0.03, 0.0], [0.0, -1.5, 0.0], [0.0, -0.02, 2.5]]
         ).T
         n = normalize(
-            np.array([[0.1, 1.0, 0.0], [0.5, 0.8, 0.0], [-1.0, 0.1, 0.0], [1.0, 0.1, 0.2], [0.3, 0.1, -1.0]]).T
+            np.array(
+                [[0.1, 1.0, 0.0], [0.5, 0.8, 0.0], [-1.0, 0.1, 0.0], [1.0, 0.1, 0.2], [0.3, 0.1, -1.0]]
+            ).T
         )
         return [
             LightExample("a disk facing down", shape, *receivers(disk.center, 0.7)),
@@ -151,7 +157,8 @@ class DiskLights:
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """cosine, sine: (n,) of the direction towards the axis, in the disk's x and y. side: (n,), the sign of the height over the
+    """cosine, sine: (n,) of the direction towards the axis, in the disk's x and y. side: (n,), the sign of
+    the height over the
     emitting side. height: (n,), >= 0."""
 
     cosine: Floats
@@ -180,7 +187,12 @@ class DiskSolidAngle:
             pdf = 1.0 / omega
         valid = (omega > 0) & (pdf < np.inf) & (dist > 0) & (dist < np.inf)
         return LightSample(
-            wi, dist, normal, gather(li.emitters.radiance, index), pdf, valid & li.emitters.emits(index, frame.side)
+            wi,
+            dist,
+            normal,
+            gather(li.emitters.radiance, index),
+            pdf,
+            valid & li.emitters.emits(index, frame.side),
         )
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:

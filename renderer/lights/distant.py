@@ -10,9 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
-from renderer.light_sampling.delta import delta_irradiance, delta_missing, every_technique, light_values, unit_vector
+from renderer.light_sampling.delta import (
+    delta_irradiance,
+    delta_missing,
+    every_technique,
+    light_values,
+    unit_vector,
+)
 from renderer.math.vectors import Floats, gather
-from scenes.description import DistantLight
+from scenes.description.lights import DistantLight
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,14 +1,18 @@
-"""Environments: light from all around, constant or from an image. No surface, no position: a direction is all there is.
+"""Environments: light from all around, constant or from an image. No surface, no position: a direction is all
+there is.
 
-Look-ups are by the nearest texel, as pbrt's [pharr2023, sec. 12.5.2], so that what is sampled is exactly what lights:
+Look-ups are by the nearest texel, as pbrt's [pharr2023, sec. 12.5.2], so that what is sampled is exactly what
+lights:
 
 - `solid-angle`: uniform over the sphere, or over the hemisphere of an environment that ends at its horizon.
 - `environment`: in proportion to the mean of red, green and blue, and uniform inside a texel.
-- `environment-compensated`: in proportion to what exceeds the mean over the sphere [karlik2019]. Darker directions are left to another
+- `environment-compensated`: in proportion to what exceeds the mean over the sphere [karlik2019]. Darker
+directions are left to another
   technique: alone it is biased, with MIS and a technique that covers the hemisphere it is not.
 
-A hemisphere of an image: images of an odd height are doubled, whereupon the horizon passes along edges and diagonals of texels
-only, and a direction from a cut texel's lower half is turned up by changing the sign of z, which stays in that texel.
+A hemisphere of an image: images of an odd height are doubled, whereupon the horizon passes along edges and
+diagonals of texels only, and a direction from a cut texel's lower half is turned up by changing the sign of
+z, which stays in that texel.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from renderer.math.vectors import Floats, combine, dot, gather
 from renderer.math.warp import uniform_hemisphere, uniform_sphere
 from renderer.records import LightSample
 from renderer.spherical.grid import SphereGrid
-from scenes.description import Environment
+from scenes.description.lights import Environment
 from scenes.errors import SceneError
 
 MAPPINGS = ("equal-area", "latitude-longitude")
@@ -47,16 +51,23 @@ class TexelDensity:
 
     @staticmethod
     def of(lit: Sequence[Floats], bright: Sequence[Floats]) -> TexelDensity:
-        """In proportion to `bright`, which is per solid angle, over the solid angles `lit`; both (h, w) for each image."""
-        distribution = PiecewiseConstant2D.of([b / max(b.max(), TINY) * s for b, s in zip(bright, lit, strict=True)])
+        """In proportion to `bright`, which is per solid angle, over the solid angles `lit`; both (h, w) for
+        each image.
+        """
+        distribution = PiecewiseConstant2D.of(
+            [b / max(b.max(), TINY) * s for b, s in zip(bright, lit, strict=True)]
+        )
         chance = [distribution.probability(i, *s.shape) for i, s in enumerate(lit)]
-        density = [np.divide(c, s, out=np.zeros_like(c), where=s > 0) for c, s in zip(chance, lit, strict=True)]
+        density = [
+            np.divide(c, s, out=np.zeros_like(c), where=s > 0) for c, s in zip(chance, lit, strict=True)
+        ]
         return TexelDensity(distribution, np.concatenate([d.reshape(-1) for d in density]))
 
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentLights:
-    """frame: (3, 3, k), [:, j] the light's j-th axis in the world. hemisphere, constant: (k,) bool. grid: the images.
+    """frame: (3, 3, k), [:, j] the light's j-th axis in the world. hemisphere, constant: (k,) bool. grid: the
+    images.
 
     radiance: (m, 3) of all texels. plain, compensated: the two densities over them.
     """
@@ -79,7 +90,9 @@ class EnvironmentLights:
 
     @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`solid-angle`, `environment` and `environment-compensated`; one and the same where all is constant."""
+        """`solid-angle`, `environment` and `environment-compensated`; one and the same where all is
+        constant.
+        """
         uniform = UniformDirections(self)
         if self.constant.all():
             return {"solid-angle": uniform, "environment": uniform, "environment-compensated": uniform}
@@ -94,7 +107,10 @@ class EnvironmentLights:
         """See `LightKind`."""
         if technique in ("solid-angle", "environment", "environment-compensated"):
             return None
-        why = {"area": "an environment has no surface", "projected-solid-angle": "an environment is not a polygon"}
+        why = {
+            "area": "an environment has no surface",
+            "projected-solid-angle": "an environment is not a polygon",
+        }
         return why.get(technique, f"environments have no {technique} sampling")
 
     @classmethod
@@ -104,7 +120,10 @@ class EnvironmentLights:
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> EnvironmentLights:
-        """See `LightKind`. Raises SceneError for images that are no maps of the sphere or hold light that is no light."""
+        """See `LightKind`.
+
+        Raises SceneError for images that are no maps of the sphere or hold light that is no light.
+        """
         own = [s for s in sources if isinstance(s, Environment)]
         images = [_image(e) for e in own]
         constant = np.array([image.shape[:2] == (1, 1) for image in images], dtype=np.bool_)
@@ -129,13 +148,17 @@ class EnvironmentLights:
         )
 
     def radiance_along(self, index: Index, wi: Floats) -> Floats:
-        """Radiance (3, n) that a ray sees that escapes along wi (3, n), unit. index: (n,) which environment."""
+        """Radiance (3, n) that a ray sees that escapes along wi (3, n), unit. index: (n,) which
+        environment.
+        """
         w = self.local(index, wi)
         radiance = self.of_texels(self.texel_along(index, w))
         return np.where(self.lit(index, w), radiance, 0.0) if self.hemisphere.any() else radiance
 
     def texel_along(self, index: Index, w: Floats) -> NDArray[np.int64]:
-        """The number (n,) of the texel that directions w (3, n) in the light's own axes fall on; any will do where all is constant."""
+        """The number (n,) of the texel that directions w (3, n) in the light's own axes fall on; any will do
+        where all is constant.
+        """
         return self.grid.first.take(index) if self.constant.all() else self.grid.texel_at(index, w)
 
     def of_texels(self, texel: Index) -> Floats:
@@ -153,11 +176,15 @@ class EnvironmentLights:
         return combine((frame[:, 0], frame[:, 1], frame[:, 2]), *w)
 
     def lit(self, index: Index, w: Floats) -> NDArray[np.bool_]:
-        """(n,): whether the light extends to w (3, n), in its own axes; of a hemisphere z = 0 is no longer part."""
+        """(n,): whether the light extends to w (3, n), in its own axes; of a hemisphere z = 0 is no longer
+        part.
+        """
         return ~self.hemisphere.take(index) | (w[2] > 0)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`: pi L of a constant sphere, pi L (1 + cos t)/2 of a hemisphere t off the surface's normal. None for images."""
+        """See `LightKind`: pi L of a constant sphere, pi L (1 + cos t)/2 of a hemisphere t off the surface's
+        normal. None for images.
+        """
         if not self.constant[index].all():
             return None
         up = dot(gather(self.frame, index)[:, 2], ref_n)
@@ -179,8 +206,14 @@ class EnvironmentLights:
             ("a constant hemisphere", Environment(rgb, frame=frame, hemisphere=True)),
             ("an octahedral image, turned", Environment(rgb, smooth, frame=frame)),
             ("an octahedral image with a sun", Environment(rgb, sun)),
-            ("a hemisphere of an octahedral image", Environment(rgb, smooth[:5, :5], frame=frame, hemisphere=True)),
-            ("a latitude-longitude image, mirrored", Environment(rgb, smooth[:4], MAPPINGS[1], frame * [1, 1, -1])),
+            (
+                "a hemisphere of an octahedral image",
+                Environment(rgb, smooth[:5, :5], frame=frame, hemisphere=True),
+            ),
+            (
+                "a latitude-longitude image, mirrored",
+                Environment(rgb, smooth[:4], MAPPINGS[1], frame * [1, 1, -1]),
+            ),
         ]
         return [LightExample(name, light, p, n) for name, light in maps]
 
@@ -245,7 +278,9 @@ def _lit(grid: SphereGrid, image: int, hemisphere: np.bool_ | bool) -> Floats:
 
 
 def _excess(lit: Floats, bright: Floats) -> Floats:
-    """(h, w): what exceeds the mean over the whole sphere; all of it where nothing does. lit: solid angles, bright: per solid angle."""
+    """(h, w): what exceeds the mean over the whole sphere; all of it where nothing does. lit: solid angles,
+    bright: per solid angle.
+    """
     scaled = bright / max(bright.max(), TINY)
     excess = np.maximum(scaled - (scaled * lit).sum() / (4 * np.pi), 0.0)
     return excess if excess.max(where=lit > 0, initial=0.0) > CONTRAST else scaled
@@ -255,9 +290,13 @@ def _image(e: Environment) -> Floats:
     """The radiance (h, w, 3) of an environment; SceneError where it is none."""
     image = np.ones((1, 1, 3)) if e.image is None else e.image
     if e.mapping not in MAPPINGS:
-        raise SceneError(f"unknown mapping {e.mapping!r} of an environment; there are: {', '.join(MAPPINGS)}", e.where)
+        raise SceneError(
+            f"unknown mapping {e.mapping!r} of an environment; there are: {', '.join(MAPPINGS)}", e.where
+        )
     if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
-        raise SceneError(f"an environment's image must be (h, w, 3) with h, w > 0, not {image.shape}", e.where)
+        raise SceneError(
+            f"an environment's image must be (h, w, 3) with h, w > 0, not {image.shape}", e.where
+        )
     if e.image is not None and e.mapping == MAPPINGS[0] and image.shape[0] != image.shape[1]:
         size = f"{image.shape[1]}x{image.shape[0]}"
         raise SceneError(f"an equal-area environment's image must be square; this one is {size}", e.where)
@@ -268,7 +307,9 @@ def _image(e: Environment) -> Floats:
         row, column, _ = (int(i) for i in np.argwhere(wrong)[0])
         value = ", ".join(f"{v:.6g}" for v in radiance[row, column])
         at = "" if e.image is None else f" in row {row}, column {column} of its image"
-        raise SceneError(f"an environment's radiance must be finite and not negative; it is {value}{at}", e.where)
+        raise SceneError(
+            f"an environment's radiance must be finite and not negative; it is {value}{at}", e.where
+        )
     return radiance
 
 

@@ -20,7 +20,7 @@ from renderer.light_sampling.delta import (
     towards,
 )
 from renderer.math.vectors import Floats, gather
-from scenes.description import PointLight
+from scenes.description.lights import PointLight
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,6 @@
-"""Rectangular lights: `area`, `solid-angle` by the spherical rectangle [urena2013], and `projected-solid-angle`."""
+"""Rectangular lights: `area`, `solid-angle` by the spherical rectangle [urena2013], and
+`projected-solid-angle`.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,12 @@ from renderer.light_sampling.polygon import ProjectedSolidAngle, irradiance
 from renderer.math.vectors import Floats, combine, cross, dot, gather, normalize
 from renderer.records import LightSample
 from renderer.spherical.rectangle import invert, solid_angle
-from scenes.description import BilinearMesh, Diffuse, Emission, ShapeDescription
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Emission, ShapeDescription
 from scenes.errors import SceneError
 
-# Corners given as decimal text are right-angled to some 1e-16 of their size; a sheared patch is off by far more.
+# Corners given as decimal text are right-angled to some 1e-16 of their size; a sheared patch is off by far
+# more.
 RIGHT_ANGLE = 1e-9
 
 
@@ -134,15 +138,22 @@ class RectangleLights:
         return np.where(hit, dist, np.inf), cos_light
 
     def local(self, index: Index, p: Floats) -> tuple[Floats, Floats, Floats]:
-        """The corner as seen from p along the edges, and p's height over the emitting side: x0, y0, z, each (n,)."""
+        """The corner as seen from p along the edges, and p's height over the emitting side: x0, y0, z, each
+        (n,).
+        """
         d = gather(self.corner, index) - p
-        return dot(d, gather(self.x, index)), dot(d, gather(self.y, index)), -dot(d, gather(self.normal, index))
+        return (
+            dot(d, gather(self.x, index)),
+            dot(d, gather(self.y, index)),
+            -dot(d, gather(self.normal, index)),
+        )
 
     @classmethod
     def examples(cls) -> list[LightExample]:
         """See `LightKind`."""
         patch = BilinearMesh(
-            np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.5], [-1.0, 2.0, 0.5], [1.0, 2.0, 0.5]]), np.array([[0, 1, 2, 3]])
+            np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.5], [-1.0, 2.0, 0.5], [1.0, 2.0, 0.5]]),
+            np.array([[0, 1, 2, 3]]),
         )
         shape = ShapeDescription(patch, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0])))
         return [LightExample("a rectangle facing down", shape, *receivers(np.array([0.0, 2.0, 0.0]), 0.5))]
@@ -150,7 +161,9 @@ class RectangleLights:
 
 @dataclass(frozen=True, eq=False)
 class RectangleSolidAngle:
-    """Uniform in the solid angle of the rectangle: weights stay bounded however close it comes [urena2013]."""
+    """Uniform in the solid angle of the rectangle: weights stay bounded however close it comes
+    [urena2013].
+    """
 
     lights: RectangleLights
 
@@ -186,7 +199,9 @@ def _patches(shape: ShapeDescription) -> Floats:
     mesh = shape.geometry
     assert isinstance(mesh, BilinearMesh)
     if not are_rectangles(mesh):
-        raise SceneError("an emitting bilinearmesh must be a rectangle with area; this patch is not", shape.where)
+        raise SceneError(
+            "an emitting bilinearmesh must be a rectangle with area; this patch is not", shape.where
+        )
     return np.ascontiguousarray(mesh.vertices[mesh.faces].transpose(2, 1, 0))
 
 

@@ -1,8 +1,9 @@
 """Spherical lights: `area`, and `solid-angle` by the cone that they subtend, or all directions from inside.
 
-1 - cos(theta) is carried instead of cos(theta): the cone of a light of 1e-6 rad then keeps all its digits, with no
-branch [pharr2023, sec. 6.2.4 switches to a Taylor series instead]. Squares of distances to the surface are taken as products,
-(d - r)(d + r), so that a point 1e-12 outside is as good as any. A point on the surface, as far as float64 can tell, counts as inside.
+1 - cos(theta) is carried instead of cos(theta): the cone of a light of 1e-6 rad then keeps all its digits,
+with no branch [pharr2023, sec. 6.2.4 switches to a Taylor series instead]. Squares of distances to the
+surface are taken as products, (d - r)(d + r), so that a point 1e-12 outside is as good as any. A point on the
+surface, as far as float64 can tell, counts as inside.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.math.warp import uniform_sphere
 from renderer.records import LightSample
 from renderer.spherical.disk_irradiance import sphere_irradiance
-from scenes.description import Diffuse, Emission, ShapeDescription, Sphere
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Emission, ShapeDescription, Sphere
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,10 @@ class SphereLights:
         return gather(self.center, index) + n * gather(self.radius, index), n * gather(self.side, index)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`. The inside of a sphere that emits there is an integrating sphere: pi L everywhere."""
+        """See `LightKind`.
+
+        The inside of a sphere that emits there is an integrating sphere: pi L everywhere.
+        """
         cone = self.cone(index, ref_p)
         e = sphere_irradiance(cone.sine, cone.cosine, np.clip(dot(ref_n, cone.axis), -1.0, 1.0))
         e = np.where(cone.outside, e, np.pi)
@@ -115,7 +120,8 @@ class SphereLights:
         half = r * r - dot(off, off)
         with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt(half)
-            # The two roots have the product (far - r)(far + r): taking the smaller from it spares a difference.
+            # The two roots have the product (far - r)(far + r): taking the smaller from it spares a
+            # difference.
             power = (far - r) * (far + r)
             dist = np.where(outside, power / (along + root), _inner(along, root, power))
         cos_light = np.where(outside, root, -root) / r * gather(self.side, index)
@@ -157,7 +163,8 @@ class Cone:
     """How spheres are seen. axis: (3, n) unit, to the centre. The others are (n,).
 
     dist: distance of the centre. power: dist^2 - radius^2. outside: bool; sign: 1 where it is true, else -1.
-    sine, cosine: of the half-angle. opening: 1 - cosine. From inside, the cone is the whole sphere of directions: cosine -1.
+    sine, cosine: of the half-angle. opening: 1 - cosine. From inside, the cone is the whole sphere of
+    directions: cosine -1.
     """
 
     axis: Floats
@@ -186,7 +193,8 @@ class SphereSolidAngle:
         phi = (2 * np.pi) * u[1]
         right, up = np.cos(phi), np.sin(phi)
         frame = frame_about(cone.axis)
-        # Half the chord: dist^2 (cos^2(theta) - cosine^2), or from inside dist^2 cos^2(theta) - power; no difference cancels.
+        # Half the chord: dist^2 (cos^2(theta) - cosine^2), or from inside dist^2 cos^2(theta) - power; no
+        # difference cancels.
         rest = (1.0 - u[0]) * cone.opening * (cosine + cone.cosine)
         along = cone.dist * cosine
         outer: Floats = cone.dist * cone.dist * rest
@@ -196,7 +204,9 @@ class SphereSolidAngle:
             dist = np.where(cone.outside, cone.power / (along + root), _inner(along, root, cone.power))
         r = gather(li.radius, index)
         across = dist * sine / r
-        normal = combine(frame, across * right, across * up, -(cone.dist * sin2 + cone.sign * root * cosine) / r)
+        normal = combine(
+            frame, across * right, across * up, -(cone.dist * sin2 + cone.sign * root * cosine) / r
+        )
         wi = combine(frame, sine * right, sine * up, cosine)
         emits = li.emitters.emits(index, cone.sign * gather(li.side, index))
         pdf = 1.0 / (2 * np.pi * cone.opening)

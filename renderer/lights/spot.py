@@ -1,7 +1,9 @@
-"""Spot lights: point lights that fade out towards the edge of a cone, by a cubic smoothstep of the cosine [pharr2023, sec. 12.2.1].
+"""Spot lights: point lights that fade out towards the edge of a cone, by a cubic smoothstep of the cosine
+[pharr2023, sec. 12.2.1].
 
-The cosines' differences are formed without the cosines: 1 - cos t is |a - w|^2 / 2 for unit vectors a and w, and
-cos s - cos c = 2 sin((c + s)/2) sin((c - s)/2), so that a cone of a thousandth of a degree fades as smoothly as a wide one.
+The cosines' differences are formed without the cosines: 1 - cos t is |a - w|^2 / 2 for unit vectors a and w,
+and cos s - cos c = 2 sin((c + s)/2) sin((c - s)/2), so that a cone of a thousandth of a degree fades as
+smoothly as a wide one.
 """
 
 from __future__ import annotations
@@ -25,13 +27,15 @@ from renderer.light_sampling.delta import (
     unit_vector,
 )
 from renderer.math.vectors import Floats, dot, gather
-from scenes.description import SpotLight
+from scenes.description.lights import SpotLight
 from scenes.errors import SceneError
 
 
 @dataclass(frozen=True, eq=False)
 class SpotLights:
-    """position, axis, intensity: (3, k), W/sr along the axis. edge: (k,) 1 - cos of the cone. fade: (k,) from there to full, in cosine."""
+    """position, axis, intensity: (3, k), W/sr along the axis. edge: (k,) 1 - cos of the cone. fade: (k,) from
+    there to full, in cosine.
+    """
 
     delta: ClassVar[bool] = True
 
@@ -68,7 +72,9 @@ class SpotLights:
         own = [s for s in sources if isinstance(s, SpotLight)]
         for s in own:
             if not 0 <= s.falloff_start <= s.cone <= 180:
-                what = f"a spot light's cone is {s.cone:g} degrees and its falloff starts at {s.falloff_start:g}"
+                what = (
+                    f"a spot light's cone is {s.cone:g} degrees and its falloff starts at {s.falloff_start:g}"
+                )
                 raise SceneError(f"{what}; allowed is 0 <= start <= cone <= 180", s.where)
         cone, start = np.radians([[s.cone for s in own], [s.falloff_start for s in own]])
         return cls(

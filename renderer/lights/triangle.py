@@ -1,6 +1,8 @@
-"""Triangular lights, one a face of an emitting mesh: `area`, `solid-angle` [arvo1995] and `projected-solid-angle`.
+"""Triangular lights, one a face of an emitting mesh: `area`, `solid-angle` [arvo1995] and
+`projected-solid-angle`.
 
-Faces are flat: a mesh's vertex normals, if it has any, play no part. The mathematics is in `renderer.spherical`.
+Faces are flat: a mesh's vertex normals, if it has any, play no part. The mathematics is in
+`renderer.spherical`.
 """
 
 from __future__ import annotations
@@ -28,13 +30,16 @@ from renderer.math.vectors import Floats, cross, dot, gather, normalize
 from renderer.math.warp import uniform_triangle
 from renderer.records import LightSample
 from renderer.spherical.triangle import sample, solid_angle
-from scenes.description import Diffuse, Emission, ShapeDescription, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Emission, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleLights:
-    """corner, normal: (3, k). edges: (3, 2, k), from the corner to the second and to the third. area: (k,)."""
+    """corner, normal: (3, k). edges: (3, 2, k), from the corner to the second and to the third. area:
+    (k,).
+    """
 
     delta: ClassVar[bool] = False
 
@@ -84,7 +89,9 @@ class TriangleLights:
         normal = cross(edges[:, 0], edges[:, 1])
         double = np.sqrt(dot(normal, normal))
         turn = np.repeat([_turn(s) for s in sources], each)
-        return cls(Emitters.of(sources, index).repeat(each), corner, edges, normal / double * turn, double / 2.0)
+        return cls(
+            Emitters.of(sources, index).repeat(each), corner, edges, normal / double * turn, double / 2.0
+        )
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
         """See `Surface`."""
@@ -105,7 +112,10 @@ class TriangleLights:
         return self.emitters.emits(index, cos_light)
 
     def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`. Inside is where a direction is on the same side of the three planes through the edges."""
+        """See `Surface`.
+
+        Inside is where a direction is on the same side of the three planes through the edges.
+        """
         a, edges = self.corners(index, origin)
         ab, ac = edges[:, 0], edges[:, 1]
         normal = gather(self.normal, index)
@@ -122,7 +132,8 @@ class TriangleLights:
         """See `LightKind`."""
         down = np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.7], [0.8, 2.0, 0.9]])
         mesh, turned = (TriangleMesh(down, np.array([face])) for face in ([0, 1, 2], [0, 2, 1]))
-        # Below, far, aside, near a corner, nearly in its plane, near the middle, and with the horizon through it
+        # Below, far, aside, near a corner, nearly in its plane, near the middle, and with the horizon through
+        # it
         p = np.array(
             [
                 [0.0, 1.0, 0.0],
@@ -135,17 +146,23 @@ class TriangleLights:
             ]
         ).T
         n = normalize(
-            np.array([[0.0, 1, 0], [0, 1, 0], [-1, 1, 0], [-0.2, 1, 0.1], [0, 1, 0], [0, 1, 0], [1, 0.1, 0]]).T
+            np.array(
+                [[0.0, 1, 0], [0, 1, 0], [-1, 1, 0], [-0.2, 1, 0.1], [0, 1, 0], [0, 1, 0], [1, 0.1, 0]]
+            ).T
         )
         mirror = np.array([[1.0], [-1.0], [1.0]])
         above = p * mirror + np.array([[0.0], [4.0], [0.0]])
-        standing = TriangleMesh(np.array([[0.0, -0.4, 0.0], [0.0, 1.2, -0.8], [0.0, 0.5, 0.9]]), np.array([[0, 2, 1]]))
+        standing = TriangleMesh(
+            np.array([[0.0, -0.4, 0.0], [0.0, 1.2, -0.8], [0.0, 0.5, 0.9]]), np.array([[0, 2, 1]])
+        )
         # On a floor that the light goes through: near it, far, and by the line where it does
         at = np.array([[-0.8, 0.0, 0.1], [-9.0, 0.0, 3.0], [-0.02, 0.0, -0.05], [-0.3, 0.0, 1.5]]).T
         up = np.repeat(np.array([[0.0], [1.0], [0.0]]), 4, axis=1)
         return [
             LightExample("a triangle facing down", _shape(mesh), p, n),
-            LightExample("a two-sided triangle from above", _shape(turned, two_sided=True), above, n * mirror),
+            LightExample(
+                "a two-sided triangle from above", _shape(turned, two_sided=True), above, n * mirror
+            ),
             LightExample("a triangle standing in the floor", _shape(standing), at, up),
         ]
 
@@ -177,13 +194,17 @@ class TriangleSolidAngle:
 
 
 def _corners(shape: ShapeDescription) -> Floats:
-    """The corners (3, 3, t) of all faces of an emitting mesh: coordinate, corner, face; SceneError where one has no area."""
+    """The corners (3, 3, t) of all faces of an emitting mesh: coordinate, corner, face; SceneError where one
+    has no area.
+    """
     mesh = shape.geometry
     assert isinstance(mesh, TriangleMesh)
     corners = np.ascontiguousarray(mesh.vertices[mesh.faces].transpose(2, 1, 0))
     normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if (~(dot(normal, normal) > 0)).any():
-        raise SceneError("a triangle of an emitting mesh has no area: only triangles with area can emit", shape.where)
+        raise SceneError(
+            "a triangle of an emitting mesh has no area: only triangles with area can emit", shape.where
+        )
     return corners
 
 

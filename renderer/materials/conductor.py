@@ -2,14 +2,17 @@
 
 With the half vector h = wo + wi, mu = cosines with the normal n, and q(mu) = sqrt(mu^2 + alpha^2 (1 - mu^2)):
 
-    D  = alpha^2 / (pi cos^4(h) (alpha^2 + tan^2(h))^2)         Trowbridge and Reitz's distribution [walter2007, eq. 33]
-    G  = 1 / (1 + Lambda(wo) + Lambda(wi))                      height-correlated Smith masking [heitz2014, eq. 99]
+    D  = alpha^2 / (pi cos^4(h) (alpha^2 + tan^2(h))^2)         Trowbridge and Reitz's distribution
+    [walter2007, eq. 33]
+    G  = 1 / (1 + Lambda(wo) + Lambda(wi))                      height-correlated Smith masking [heitz2014,
+    eq. 99]
        = 2 mu_o mu_i / (mu_i q(mu_o) + mu_o q(mu_i))            as 1 + 2 Lambda = q(mu) / mu
     f  = F D G / (4 mu_o mu_i) = F D / (2 (mu_i q(mu_o) + mu_o q(mu_i)))
     pdf of wi, its half vector being a normal seen from wo = D / (2 (mu_o + q(mu_o)))
 
-so that no cosine is divided by, and f cos / pdf is at most F. The sine of h is the length of what it has along the
-surface and the cosine of wo with h is |h|/2: at alpha = 1e-3 the lobe is a thousandth wide, where 1 - cos^2 would leave nine digits and less.
+so that no cosine is divided by, and f cos / pdf is at most F. The sine of h is the length of what it has
+along the surface and the cosine of wo with h is |h|/2: at alpha = 1e-3 the lobe is a thousandth wide, where 1
+- cos^2 would leave nine digits and less.
 """
 
 from __future__ import annotations
@@ -23,14 +26,17 @@ from numpy.typing import NDArray
 from renderer.interfaces.material import MATERIALS, MaterialExample
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.records import SurfaceHit
-from scenes.description import Conductor, ShapeDescription, Sphere
+from scenes.description.materials import Conductor
+from scenes.description.shapes import ShapeDescription, Sphere
 
 TINY = np.finfo(np.float64).tiny
 
 
 @dataclass(frozen=True, eq=False)
 class ConductorMaterials:
-    """alpha, metal: (s,); `metal` is 1, or 0 for shapes of other materials. difference, product: (3, s), eta^2 - k^2 and 2 eta k."""
+    """alpha, metal: (s,); `metal` is 1, or 0 for shapes of other materials. difference, product: (3, s),
+    eta^2 - k^2 and 2 eta k.
+    """
 
     alpha: Floats
     metal: Floats
@@ -63,20 +69,23 @@ class ConductorMaterials:
         return fresnel(cosine, gather(self.difference, hit.shape), gather(self.product, hit.shape)) * lobe
 
     def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon. See `MaterialKind`.
+        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon. See
+        `MaterialKind`.
 
-        Stretched by alpha the mirrors are a hemisphere, which reflects parallel light uniformly into a cap about it:
-        a direction c in the cap (z > -w.z) and c + w is the normal [dupuy2023, sec. 3].
+        Stretched by alpha the mirrors are a hemisphere, which reflects parallel light uniformly into a cap
+        about it: a direction c in the cap (z > -w.z) and c + w is the normal [dupuy2023, sec. 3].
         """
         alpha = gather(self.alpha, hit.shape)
         mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
         scale = 1 / _q(mu_o, alpha)
         z = mu_o * scale
-        # c.z = height - z; written so, neither c.z + w.z nor 1 - c.z^2 loses digits at grazing angles and at the pole.
+        # c.z = height - z; written so, neither c.z + w.z nor 1 - c.z^2 loses digits at grazing angles and at
+        # the pole.
         height = (1.0 - u[1]) * (1.0 + z)
         sine = alpha * np.sqrt(u[1] * (1.0 + z) * (height + (1.0 - z)))
         phi = (2 * np.pi) * u[0]
-        # w = scale (alpha wo + (1 - alpha) mu_o n), so that its part along the surface is wo's, of which only n is to be taken.
+        # w = scale (alpha wo + (1 - alpha) mu_o n), so that its part along the surface is wo's, of which only
+        # n is to be taken.
         pull = alpha * alpha * scale
         normal = combine(frame_about(hit.n), sine * np.cos(phi), sine * np.sin(phi), height - pull * mu_o)
         normal += hit.wo * pull
@@ -110,20 +119,22 @@ class ConductorMaterials:
         ]
         ball = Sphere(np.zeros(3), 1.0)
         return [
-            MaterialExample(name, ShapeDescription(ball, Conductor(eta, k, alpha))) for name, (eta, k), alpha in kinds
+            MaterialExample(name, ShapeDescription(ball, Conductor(eta, k, alpha)))
+            for name, (eta, k), alpha in kinds
         ]
 
 
 def fresnel(cosine: Floats, difference: Floats, product: Floats) -> Floats:
     """Unpolarised Fresnel reflectance of a conductor in air [pharr2023, sec. 9.3.6], in [0, 1].
 
-    cosine: (n,) of the angle to the normal, in [0, 1]. difference, product: (3, n) or (3, 1), eta^2 - k^2 and 2 eta k.
-    Returns (3, n).
+    cosine: (n,) of the angle to the normal, in [0, 1]. difference, product: (3, n) or (3, 1), eta^2 - k^2 and
+    2 eta k. Returns (3, n).
 
-    With the refracted wave's a + i b = sqrt(eta^2 - k^2 - sin^2 + 2 i eta k), c = a^2 + b^2 and t = 2 a cos, the two
-    polarisations' R_s = (c + cos^2 - t) / (c + cos^2 + t) and R_p = R_s (p - t sin^2) / (p + t sin^2), p = c cos^2 + sin^4,
-    have the mean R_s p / (p + t sin^2). a^2 = (c + eta^2 - k^2 - sin^2) / 2 cancels where k is large, by 2^-53 c at
-    most: 2^-53 / a of the reflectance, which counts for no eta above 1e-8.
+    With the refracted wave's a + i b = sqrt(eta^2 - k^2 - sin^2 + 2 i eta k), c = a^2 + b^2 and t = 2 a cos,
+    the two polarisations' R_s = (c + cos^2 - t) / (c + cos^2 + t) and R_p = R_s (p - t sin^2) / (p + t
+    sin^2), p = c cos^2 + sin^4, have the mean R_s p / (p + t sin^2). a^2 = (c + eta^2 - k^2 - sin^2) / 2
+    cancels where k is large, by 2^-53 c at most: 2^-53 / a of the reflectance, which counts for no eta above
+    1e-8.
     """
     mu2 = cosine * cosine
     s2 = (1.0 - cosine) * (1.0 + cosine)
@@ -150,7 +161,8 @@ def _q(cosine: Floats, alpha: Floats) -> Floats:
 def _half(hit: SurfaceHit, wi: Floats, alpha: Floats) -> tuple[Floats, Floats]:
     """The distribution of normals at the half vector (n,), 1/sr, and the squared length of wo + wi (n,).
 
-    D = (alpha |h|^2 / (alpha^2 (n.h)^2 + |h - n (n.h)|^2))^2 / pi. Of opposite directions, both along the surface, 0.
+    D = (alpha |h|^2 / (alpha^2 (n.h)^2 + |h - n (n.h)|^2))^2 / pi. Of opposite directions, both along the
+    surface, 0.
     """
     h = hit.wo + wi
     along = dot(hit.n, h)

@@ -13,12 +13,16 @@ from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.math.warp import cosine_hemisphere
 from renderer.records import SurfaceHit
 from renderer.textures import brightest, evaluate
-from scenes.description import Diffuse, ShapeDescription, Sphere, Texture
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import ShapeDescription, Sphere
+from scenes.description.textures import Texture
 
 
 @dataclass(frozen=True, eq=False)
 class DiffuseMaterials:
-    """value: (3, s), reflectance / pi, of shapes whose reflectance is constant. textured: the others, by shape."""
+    """value: (3, s), reflectance / pi, of shapes whose reflectance is constant. textured: the others, by
+    shape.
+    """
 
     value: Floats
     textured: tuple[tuple[int, Texture], ...] = ()
@@ -73,7 +77,9 @@ class DiffuseMaterials:
     def examples(cls) -> list[MaterialExample]:
         """See `MaterialKind`."""
         ball = Sphere(np.zeros(3), 1.0)
-        return [MaterialExample("a coloured wall", ShapeDescription(ball, Diffuse(np.array([0.8, 0.5, 0.1]))))]
+        return [
+            MaterialExample("a coloured wall", ShapeDescription(ball, Diffuse(np.array([0.8, 0.5, 0.1]))))
+        ]
 
 
 MATERIALS.add("diffuse", DiffuseMaterials)

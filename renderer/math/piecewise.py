@@ -1,6 +1,8 @@
-"""Distributions over the texels of images: one texel's row by the marginal, its column by the row's own distribution.
+"""Distributions over the texels of images: one texel's row by the marginal, its column by the row's own
+distribution.
 
-Sampling inverts the two cumulative sums, so that strata of the unit square stay connected [pharr2023, sec. A.5.6].
+Sampling inverts the two cumulative sums, so that strata of the unit square stay connected [pharr2023, sec.
+A.5.6].
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ BELOW_ONE = 1.0 - 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Points in images. row, column: (n,) of the texel; x, y: (n,) in [0, 1), where in it, along the row and down the column."""
+    """Points in images. row, column: (n,) of the texel; x, y: (n,) in [0, 1), where in it, along the row and
+    down the column.
+    """
 
     row: Integers
     column: Integers
@@ -31,9 +35,10 @@ class Place:
 class PiecewiseConstant2D:
     """k distributions, each over the texels of its own image, uniform inside a texel.
 
-    marginal: (k, a) cumulative sums over rows, marginal[i, 0] = 0, 1 from the image's height on; a - 1 is a power of two.
-    conditional: (m, b) the same over the columns of every row of every image. first: (k,) where an image's rows start.
-    empty: (k,) bool, images without any weight: their samples are uniform and mean nothing.
+    marginal: (k, a) cumulative sums over rows, marginal[i, 0] = 0, 1 from the image's height on; a - 1 is a
+    power of two. conditional: (m, b) the same over the columns of every row of every image. first: (k,) where
+    an image's rows start. empty: (k,) bool, images without any weight: their samples are uniform and mean
+    nothing.
     """
 
     marginal: Floats
@@ -43,7 +48,9 @@ class PiecewiseConstant2D:
 
     @staticmethod
     def of(weights: Sequence[Floats]) -> PiecewiseConstant2D:
-        """Distributions in proportion to weights, one (h, w) array for each image, finite and not negative."""
+        """Distributions in proportion to weights, one (h, w) array for each image, finite and not
+        negative.
+        """
         # By the largest first: sums of weights near the end of the range would overflow.
         scaled = [w / w.max() if w.max() > 0 else w for w in weights]
         columns = _stride(max(w.shape[1] for w in scaled))
@@ -57,9 +64,11 @@ class PiecewiseConstant2D:
         )
 
     def probability(self, image: int, height: int, width: int) -> Floats:
-        """(h, w): the chance of each texel of an image, exactly as `sample` deals it out; all 0 where it is empty.
+        """(h, w): the chance of each texel of an image, exactly as `sample` deals it out; all 0 where it is
+        empty.
 
-        A texel below 1e-16 of its row, or a row below 1e-16 of its image, may have none: its cumulative sum does not grow.
+        A texel below 1e-16 of its row, or a row below 1e-16 of its image, may have none: its cumulative sum
+        does not grow.
         """
         if self.empty[image]:
             return np.zeros((height, width))
@@ -68,13 +77,17 @@ class PiecewiseConstant2D:
         return across * np.diff(self.marginal[image, : height + 1])[:, None]
 
     def sample(self, index: Integers, u: Floats) -> Place:
-        """A point for each row. index: (n,) which image. u: (2, n) in [0, 1): u[1] picks the row, u[0] the column."""
+        """A point for each row. index: (n,) which image. u: (2, n) in [0, 1): u[1] picks the row, u[0] the
+        column.
+        """
         row, y = _search(self.marginal, index, u[1])
         column, x = _search(self.conditional, self.first.take(index) + row, u[0])
         return Place(row, column, x, y)
 
     def invert(self, index: Integers, place: Place) -> Floats:
-        """The u (2, n) that `sample` takes to a place; within a texel of no chance, the one value that it is passed over at."""
+        """The u (2, n) that `sample` takes to a place; within a texel of no chance, the one value that it is
+        passed over at.
+        """
         line = self.first.take(index) + place.row
         return np.stack(
             [
@@ -90,7 +103,9 @@ def _stride(count: int) -> int:
 
 
 def _cumulative(weights: Floats, stride: int) -> Floats:
-    """(m, stride): from 0 up to exactly 1 at the last cell, 1 thereafter; lines without weight are uniform. weights: (m, c)."""
+    """(m, stride): from 0 up to exactly 1 at the last cell, 1 thereafter; lines without weight are uniform.
+    weights: (m, c).
+    """
     lines, count = weights.shape
     out = np.ones((lines, stride))
     total = np.cumsum(weights, axis=1)
@@ -103,9 +118,11 @@ def _cumulative(weights: Floats, stride: int) -> Floats:
 
 
 def _search(sums: Floats, line: Integers, u: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The cell (n,) with sums[cell] <= u < sums[cell + 1] of each row's line, and how far into it u is, in [0, 1).
+    """The cell (n,) with sums[cell] <= u < sums[cell + 1] of each row's line, and how far into it u is, in
+    [0, 1).
 
-    Halving steps of a fixed number, all rows at once: a row's bits are its own. Cells of no width are never picked.
+    Halving steps of a fixed number, all rows at once: a row's bits are its own. Cells of no width are never
+    picked.
     """
     stride, flat = int(sums.shape[1]), sums.reshape(-1)
     start = line.astype(np.int64) * stride
@@ -116,7 +133,8 @@ def _search(sums: Floats, line: Integers, u: Floats) -> tuple[NDArray[np.int64],
         at += (flat.take(at + step) <= u) * step
         step >>= 1
     low = flat.take(at)
-    # u is below the upper sum, and rounding keeps the two differences and their quotient in that order: below 1.
+    # u is below the upper sum, and rounding keeps the two differences and their quotient in that order: below
+    # 1.
     return at - start, (u - low) / (flat.take(at + 1) - low)
 
 

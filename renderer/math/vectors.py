@@ -1,6 +1,7 @@
 """Vectors of a wavefront: component-major `(3, n)` float64, so that `x, y, z = v` gives contiguous columns.
 
-Only ufuncs are used on rows: BLAS and reductions over rows may give a row other bits when its neighbours change.
+Only ufuncs are used on rows: BLAS and reductions over rows may give a row other bits when its neighbours
+change.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ def normalize(v: Floats) -> Floats:
 
 
 def combine(frame: tuple[Floats, Floats, Floats], x: Floats, y: Floats, z: Floats) -> Floats:
-    """The world vectors of local coordinates: `x X + y Y + z Z`. frame: three (3, n) or (3, 1) axes; x, y, z: (n,)."""
+    """The world vectors of local coordinates: `x X + y Y + z Z`. frame: three (3, n) or (3, 1) axes; x, y, z:
+    (n,).
+    """
     ax, ay, az = frame
     out = ax * x
     out += ay * y
@@ -54,6 +57,7 @@ def frame_about(z: Floats) -> tuple[Floats, Floats, Floats]:
 def gather(parameters: Floats, index: NDArray[np.integer]) -> Floats:
     """Per-row parameters: `parameters[..., index]`, or one broadcast column where there is but one entry.
 
-    parameters: (..., k). index: (n,). Returns (..., n), or (..., 1) if k == 1: the same numbers without the copy.
+    parameters: (..., k). index: (n,). Returns (..., n), or (..., 1) if k == 1: the same numbers without the
+    copy.
     """
     return parameters if parameters.shape[-1] == 1 else parameters.take(index, axis=-1)

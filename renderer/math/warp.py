@@ -25,7 +25,8 @@ def concentric_disk(u: Floats) -> Floats:
 
 
 def uniform_triangle(u: Floats) -> tuple[Floats, Floats]:
-    """Uniform barycentric weights (n,), (n,) of a triangle's second and third corner: the square folded in place [heitz2019].
+    """Uniform barycentric weights (n,), (n,) of a triangle's second and third corner: the square folded in
+    place [heitz2019].
 
     u: (2, n) in [0, 1).
     """
@@ -43,7 +44,8 @@ def uniform_sphere(u: Floats) -> Floats:
 
 
 def cosine_hemisphere(u: Floats) -> Floats:
-    """Unit vectors about +z with pdf cos(theta)/pi: the disk lifted to the hemisphere [pharr2023, sec. A.5.3].
+    """Unit vectors about +z with pdf cos(theta)/pi: the disk lifted to the hemisphere [pharr2023, sec.
+    A.5.3].
 
     u: (2, n). Returns (3, n). z is bounded away from 0, where the pdf would vanish.
     """

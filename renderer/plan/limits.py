@@ -7,7 +7,7 @@ import numpy as np
 from renderer.build import RenderScene
 from renderer.plan.plan import RenderPlan
 from renderer.plan.proofs import Extents, extents, gap, provable
-from scenes.description import ShapeDescription
+from scenes.description.shapes import ShapeDescription
 from scenes.errors import PenumbraError
 
 # Below so many times the bound on what float32 moves a ray's origin by, shadows are not to be trusted.
@@ -15,10 +15,12 @@ MARGIN = 10.0
 
 
 def check(scene: RenderScene, plan: RenderPlan) -> None:
-    """PenumbraError where a light is nearer to a triangle that it lights than MARGIN bounds, and triangles may lie in between.
+    """PenumbraError where a light is nearer to a triangle that it lights than MARGIN bounds, and triangles
+    may lie in between.
 
-    Without triangles in between (the plan proves it) any distance will do: lights and receivers are known by identity.
-    Surfaces that touch a light are not meant: only a rim as wide as the bound is badly shaded there.
+    Without triangles in between (the plan proves it) any distance will do: lights and receivers are known by
+    identity. Surfaces that touch a light are not meant: only a rim as wide as the bound is badly shaded
+    there.
     """
     triangles = plan.shadow_triangles
     if triangles is None or not provable(scene):
@@ -39,6 +41,6 @@ def _check_pair(scene: RenderScene, e: Extents, receiver: int, source: int, boun
         shape = scene.description.shapes[receiver]
         where = f" ({shape.where})" if shape.where else ""
         raise PenumbraError(
-            f"light {scene.sources.names[source]} is {apart:.2g} from a surface{where} that it lights, with triangles that may "
+            f"light {scene.sources.names[source]} is {apart:.2g} from a surface{where} that it lights, with triangles that may "  # noqa: E501
             f"lie in between: shadow rays need {bound:.2g}; move it, or take away what is in between"
         )

@@ -1,9 +1,10 @@
 """Which effects a scene calls for, and why: the renderer simulates those and proves that the rest is nothing.
 
-A pruning is made only where the work left out is provably an identity or a zero, so that the pruned image is the
-unpruned one bit for bit. All proofs are about supporting planes: of the axes, of flat shapes, of flat lights.
-Prunings: `emission` (lights out of view), `reach` (receivers that no light can reach), `occlusion` (receiver and light
-with nothing in between), `blockers` (shapes that never shade), `horizon` (lights wholly above a receiver's horizon).
+A pruning is made only where the work left out is provably an identity or a zero, so that the pruned image is
+the unpruned one bit for bit. All proofs are about supporting planes: of the axes, of flat shapes, of flat
+lights. Prunings: `emission` (lights out of view), `reach` (receivers that no light can reach), `occlusion`
+(receiver and light with nothing in between), `blockers` (shapes that never shade), `horizon` (lights wholly
+above a receiver's horizon).
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
 from renderer.plan.proofs import blocks, crosses, extents, provable, reach
 from renderer.records import SurfaceHit
-from scenes.description import Environment
+from scenes.description.lights import Environment
 
 PRUNINGS = ("emission", "reach", "occlusion", "blockers", "horizon")
 
 Bools = NDArray[np.bool_]
-# Told of samples: points, wi (3, n), the distance to what they would see (n,), and whether they were of use at all and hidden, (n,).
+# Told of samples: points, wi (3, n), the distance to what they would see (n,), and whether they were of use
+# at all and hidden, (n,).
 Witness = Callable[[SurfaceHit, Floats, Floats, Bools, Bools], None]
 
 
@@ -42,11 +44,13 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class RenderPlan:
-    """s shapes, q sources of light. in_view: indices of quadrics that a camera ray may meet. receivers: (s,) shapes to shade.
+    """s shapes, q sources of light. in_view: indices of quadrics that a camera ray may meet. receivers: (s,)
+    shapes to shade.
 
-    shadow: (s, q) pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether any light may
-    dip below a receiver's horizon. emits: whether light is seen directly. shadow_triangles, shadow_quadrics: the blockers.
-    witness: told of every sample, for pictures of what an estimator does; None in every render.
+    shadow: (s, q) pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether any
+    light may dip below a receiver's horizon. emits: whether light is seen directly. shadow_triangles,
+    shadow_quadrics: the blockers. witness: told of every sample, for pictures of what an estimator does; None
+    in every render.
     """
 
     in_view: NDArray[np.int64]
@@ -62,7 +66,9 @@ class RenderPlan:
 
 
 def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = frozenset()) -> RenderPlan:
-    """The plan for a scene's light. prune False, or a pruning named in `keep`, simulates the effect needed or not."""
+    """The plan for a scene's light. prune False, or a pruning named in `keep`, simulates the effect needed or
+    not.
+    """
     start = time.perf_counter()
     active = frozenset(PRUNINGS) - keep if prune else frozenset[str]()
     count = len(scene.bounds)
@@ -77,7 +83,9 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         _blockers(proved.blockers),
         _horizon(proved.crosses),
     )
-    in_view = visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
+    in_view = (
+        visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
+    )
     shades = proved.blockers if "blockers" in active else np.ones(count, dtype=np.bool_)
     shadow_triangles, shadow_quadrics = _shadow_casters(scene, shades)
     return RenderPlan(
@@ -94,7 +102,9 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
 
 
 def plan_occlusion(scene: RenderScene) -> RenderPlan:
-    """The plan for ambient occlusion: every surface is shaded, black or lit or not, everything shades, no light is seen."""
+    """The plan for ambient occlusion: every surface is shaded, black or lit or not, everything shades, no
+    light is seen.
+    """
     start = time.perf_counter()
     count = len(scene.bounds)
     everyone = np.ones(count, dtype=np.bool_)
@@ -115,7 +125,9 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
 
 @dataclass(frozen=True, eq=False)
 class _Proved:
-    """reach, shadow: (s, q). lit, blockers: (s,). between: (q,) how many shapes may shade what each source sends out."""
+    """reach, shadow: (s, q). lit, blockers: (s,). between: (q,) how many shapes may shade what each source
+    sends out.
+    """
 
     reach: Bools
     lit: Bools
@@ -131,7 +143,9 @@ def _proved(scene: RenderScene, black: Bools) -> _Proved:
     if not provable(scene):
         everything = np.ones((count, sources), dtype=np.bool_)
         lit = ~black & bool(sources)
-        return _Proved(everything, lit, everything, np.ones(count, dtype=np.bool_), np.full(sources, count), True)
+        return _Proved(
+            everything, lit, everything, np.ones(count, dtype=np.bool_), np.full(sources, count), True
+        )
     e = extents(scene)
     reached, between = reach(scene, e), blocks(scene, e)
     lit = ~black & reached.any(axis=1)
@@ -148,7 +162,9 @@ def _sources(scene: RenderScene) -> Iterable[tuple[Source, int]]:
 
 
 def _seen(source: Source, visible: Bools, shape: int) -> bool:
-    """Whether a camera ray may meet a light: what has no extent is not seen, what surrounds the scene always may be."""
+    """Whether a camera ray may meet a light: what has no extent is not seen, what surrounds the scene always
+    may be.
+    """
     return bool(visible[shape]) if shape >= 0 else isinstance(source, Environment)
 
 
@@ -175,7 +191,10 @@ def _emission(scene: RenderScene, seen: Bools) -> Decision:
 
 def _receivers(black: Bools, reach: Bools) -> Decision:
     dark = ~reach.any(axis=1) & ~black
-    reason = f"of {black.size} shapes {int(dark.sum())} are out of reach of all lights and {int(black.sum())} are black"
+    reason = (
+        f"of {black.size} shapes {int(dark.sum())} are out of reach of all lights and "
+        f"{int(black.sum())} are black"
+    )
     return Decision("shading of every shape", not bool((dark | black).any()), reason, "reach")
 
 
@@ -196,5 +215,7 @@ def _blockers(blockers: Bools) -> Decision:
 
 
 def _horizon(crosses: bool) -> Decision:
-    reason = "a light may dip below the horizon of a receiver" if crosses else "every light is above every horizon"
+    reason = (
+        "a light may dip below the horizon of a receiver" if crosses else "every light is above every horizon"
+    )
     return Decision("horizon tests", crosses, reason, "horizon")

@@ -1,7 +1,7 @@
 """What can be proved of a scene from planes that separate its shapes: the grounds of the plan.
 
-A shape lies between a receiver and a light only if no plane has it on one side and both of them on the other. The planes
-tried are those normal to an axis or to a flat shape.
+A shape lies between a receiver and a light only if no plane has it on one side and both of them on the other.
+The planes tried are those normal to an axis or to a flat shape.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from renderer.build import RenderScene
 from renderer.geometry.bounds import TOLERANCE
 from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
-from scenes.description import DistantLight, PointLight, SpotLight
+from scenes.description.lights import DistantLight, PointLight, SpotLight
 
 Bools = NDArray[np.bool_]
-# A distant light whose direction makes less with a plane may pass along it, as far as these proofs are concerned.
+# A distant light whose direction makes less with a plane may pass along it, as far as these proofs are
+# concerned.
 ALONG = 1e-6
 
 
@@ -33,9 +34,11 @@ def provable(scene: RenderScene) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Extents:
-    """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1. camera: (m,).
+    """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1.
+    camera: (m,).
 
-    lamp_low, lamp_high: (m, q) those of the sources. A distant light has inf or -inf for both, an environment -inf to inf.
+    lamp_low, lamp_high: (m, q) those of the sources. A distant light has inf or -inf for both, an environment
+    -inf to inf.
     """
 
     low: Floats
@@ -82,7 +85,9 @@ def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int
 
 
 def _faces_camera(e: Extents) -> NDArray[np.int64]:
-    """(s,) 1 or -1: the side of its plane from which a flat shape is seen; 0 if it is not flat or seen edge-on."""
+    """(s,) 1 or -1: the side of its plane from which a flat shape is seen; 0 if it is not flat or seen
+    edge-on.
+    """
     rows = np.maximum(e.plane, 0)
     own = np.arange(e.plane.size)
     above = e.camera[rows] > e.high[rows, own] + e.tolerance
@@ -98,7 +103,9 @@ def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:
 
 
 def reach(scene: RenderScene, e: Extents) -> Bools:
-    """(s, q): False where a shape lies behind a one-sided flat light, or its visible side faces away from all of it."""
+    """(s, q): False where a shape lies behind a one-sided flat light, or its visible side faces away from all
+    of it.
+    """
     side = _faces_camera(e)
     columns: list[Bools] = []
     for source in range(len(scene.sources.all)):
@@ -116,14 +123,17 @@ def reach(scene: RenderScene, e: Extents) -> Bools:
 
 
 def blocks(scene: RenderScene, e: Extents) -> Bools:
-    """(s, q, s): whether a shape may lie between a receiver and a light; False only with a plane that separates them."""
+    """(s, q, s): whether a shape may lie between a receiver and a light; False only with a plane that
+    separates them.
+    """
     side = _faces_camera(e)
     count = e.plane.size
     out: list[Bools] = []
     for source, shape in enumerate(scene.sources.shape):
         apart = np.zeros((count, count), dtype=np.bool_)
         for low, high, lamp in ((e.low, e.high, e.lamp_low), (-e.high, -e.low, -e.lamp_high)):
-            # The blocker ends at or below where the receiver begins and strictly below the light, or the other way.
+            # The blocker ends at or below where the receiver begins and strictly below the light, or the
+            # other way.
             top, receiver, goal = high[:, None, :], low[:, :, None], lamp[:, source][:, None, None]
             touching = (top <= receiver + e.tolerance) & (top < goal - e.tolerance)
             strict = (top < receiver - e.tolerance) & (top <= goal + e.tolerance)
@@ -139,7 +149,9 @@ def blocks(scene: RenderScene, e: Extents) -> Bools:
 
 
 def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
-    """(s, s): blockers wholly behind the visible side of a flat receiver; a flat receiver does not hide itself either."""
+    """(s, s): blockers wholly behind the visible side of a flat receiver; a flat receiver does not hide
+    itself either.
+    """
     rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
     below = e.high[rows] < (e.low[rows, own] - e.tolerance)[:, None]
     above = e.low[rows] > (e.high[rows, own] + e.tolerance)[:, None]
@@ -149,7 +161,9 @@ def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
 
 
 def crosses(scene: RenderScene, e: Extents) -> Bools:
-    """(s, q): whether part of a light may lie below the horizon of some point of a receiver's visible side."""
+    """(s, q): whether part of a light may lie below the horizon of some point of a receiver's visible
+    side.
+    """
     side = _faces_camera(e)
     rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
     low, high = e.lamp_low[rows], e.lamp_high[rows]
@@ -159,7 +173,9 @@ def crosses(scene: RenderScene, e: Extents) -> Bools:
 
 
 def gap(e: Extents, receiver: int, source: int) -> float:
-    """How far a receiver and a source are apart at least, in world units: by the best of the planes. 0 where none is between them."""
+    """How far a receiver and a source are apart at least, in world units: by the best of the planes. 0 where
+    none is between them.
+    """
     above, below = e.lamp_low[:, source] - e.high[:, receiver], e.low[:, receiver] - e.lamp_high[:, source]
     both = np.maximum(np.where(np.isnan(above), -np.inf, above), np.where(np.isnan(below), -np.inf, below))
     return max(float(both.max()), 0.0)

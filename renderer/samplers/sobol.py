@@ -1,10 +1,12 @@
-"""The first two Sobol dimensions, Owen-scrambled and shuffled anew for each pixel and each pair of dimensions.
+"""The first two Sobol dimensions, Owen-scrambled and shuffled anew for each pixel and each pair of
+dimensions.
 
-The (0, 2)-sequence of the first two dimensions is the best there is in two; higher Sobol pairs are not nets at the
-sample counts of rendering. So every pair of dimensions uses it, with an order of its own: a nested uniform shuffle of the
-index, which maps each aligned block of 2^m samples to another such block, decorrelates the pairs and keeps every prefix
-of 2^m samples a net [burley2020]. Scramble and shuffle are one hash after [laine2011], with the constants of
-[vegdahl2021]: a bit of the reversed integer is flipped by a function of the bits below it alone.
+The (0, 2)-sequence of the first two dimensions is the best there is in two; higher Sobol pairs are not nets
+at the sample counts of rendering. So every pair of dimensions uses it, with an order of its own: a nested
+uniform shuffle of the index, which maps each aligned block of 2^m samples to another such block, decorrelates
+the pairs and keeps every prefix of 2^m samples a net [burley2020]. Scramble and shuffle are one hash after
+[laine2011], with the constants of [vegdahl2021]: a bit of the reversed integer is flipped by a function of
+the bits below it alone.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ UInt32 = NDArray[np.uint32]
 
 @cache
 def second_dimension() -> UInt32:
-    """Points of the second dimension by byte of the index, (4, 256) 32-bit fractions; XOR over bytes gives any point.
+    """Points of the second dimension by byte of the index, (4, 256) 32-bit fractions; XOR over bytes gives
+    any point.
 
-    Its direction numbers are rows of Pascal's triangle modulo 2 [joe2008 gives the same]: v_0 = 1/2, and each next one is
-    the last XOR the last shifted by one.
+    Its direction numbers are rows of Pascal's triangle modulo 2 [joe2008 gives the same]: v_0 = 1/2, and each
+    next one is the last XOR the last shifted by one.
     """
     vectors = [1 << 31]
     for _ in range(BITS - 1):
@@ -39,7 +42,9 @@ def second_dimension() -> UInt32:
 
 
 def points(index: UInt32) -> tuple[UInt32, UInt32]:
-    """Both coordinates (n,) of unscrambled points, as 32-bit fractions: van der Corput, and `second_dimension`."""
+    """Both coordinates (n,) of unscrambled points, as 32-bit fractions: van der Corput, and
+    `second_dimension`.
+    """
     table = second_dimension()
     second = table[0].take(index & np.uint32(255))
     for byte in (1, 2, 3):
@@ -56,7 +61,9 @@ def reverse_bits(x: UInt32) -> UInt32:
 
 
 def owen(reversed_points: UInt32, seed: UInt32) -> UInt32:
-    """Scrambled numbers (n,) from bit-reversed ones and a seed for each row: points as fractions, or indices."""
+    """Scrambled numbers (n,) from bit-reversed ones and a seed for each row: points as fractions, or
+    indices.
+    """
     x = reversed_points ^ (reversed_points * np.uint32(0x3D20ADEA))
     x += seed
     x *= (seed >> np.uint32(16)) | np.uint32(1)

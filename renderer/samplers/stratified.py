@@ -1,7 +1,7 @@
 """Correlated multi-jittered sampling [kensler2013]: N samples stratified on both axes and in a grid at once.
 
-Each pair of dimensions (0, 1), (2, 3), ... of each pixel has permutations of its own. N is fixed beforehand: the strata
-are cut for it, and the first n of N samples are no estimate of anything.
+Each pair of dimensions (0, 1), (2, 3), ... of each pixel has permutations of its own. N is fixed beforehand:
+the strata are cut for it, and the first n of N samples are no estimate of anything.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ def permute(i: UInt32, length: int, seed: UInt32) -> UInt32:
 
 
 def _scramble(i: UInt32, w: np.uint32, p: UInt32) -> UInt32:
-    """Each step is invertible modulo w + 1, a power of two: odd factors, and shifts that mix high bits into low ones."""
+    """Each step is invertible modulo w + 1, a power of two: odd factors, and shifts that mix high bits into
+    low ones.
+    """
     i = i ^ p
     i *= np.uint32(0xE170893D)
     i ^= p >> np.uint32(16)

@@ -1,4 +1,6 @@
-"""What estimators ask of the materials: BRDF values, directions as the BRDF would have them, and their density."""
+"""What estimators ask of the materials: BRDF values, directions as the BRDF would have them, and their
+density.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def scatter(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
 
 
 def sample_material(scene: RenderScene, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-    """Directions wi (3, n) as the material of each point would have them, and their pdf (n,) in 1/sr. u: (2, n)."""
+    """Directions wi (3, n) as the material of each point would have them, and their pdf (n,) in 1/sr. u: (2,
+    n).
+    """
     if len(scene.materials) == 1:
         return scene.materials[0].sample(hit, u)
     wi, pdf = np.zeros_like(hit.p), np.zeros(u.shape[1])

@@ -13,7 +13,8 @@ Integers = NDArray[np.int64]
 
 
 def with_pictures(scene: RenderScene, radiance: Floats, quadric: Integers, p: Floats) -> Floats:
-    """Radiance (3, n) or (3, 1) times the images of the quadrics (n,), -1 for none, that points p (3, n) lie on.
+    """Radiance (3, n) or (3, 1) times the images of the quadrics (n,), -1 for none, that points p (3, n) lie
+    on.
 
     Looked up as pbrt does: bilinearly, clamped at the edges, the first row at v = 1 [pharr2023, sec. 12.4].
     """

@@ -1,4 +1,6 @@
-"""What estimators ask of the lights: one to sample, a direction to it, its density, and what a direction meets."""
+"""What estimators ask of the lights: one to sample, a direction to it, its density, and what a direction
+meets.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from renderer.math.vectors import Floats, dot, gather
 from renderer.records import LightSample, SurfaceHit
 from renderer.shading.emission import with_pictures
 from renderer.shading.visibility import Seen
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 Integers = NDArray[np.int64]
 
@@ -34,7 +36,9 @@ def without(technique: str, scene: SceneDescription) -> str | None:
 
 
 def samplers(scene: RenderScene, *preferred: str) -> list[DirectionSampler]:
-    """For each kind of light the first of the preferred techniques that it has; every kind must have one of them."""
+    """For each kind of light the first of the preferred techniques that it has; every kind must have one of
+    them.
+    """
     out: list[DirectionSampler] = []
     for kind in scene.lights.kinds:
         own = kind.techniques
@@ -45,8 +49,8 @@ def samplers(scene: RenderScene, *preferred: str) -> list[DirectionSampler]:
 def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
     """A light (n,) for each row, and the numbers (2, n) left for its direction.
 
-    u: (2, n) for a scene with one light, (3, n) for more; the choice takes the third, so that directions keep a pair of
-    dimensions that samplers stratify together.
+    u: (2, n) for a scene with one light, (3, n) for more; the choice takes the third, so that directions keep
+    a pair of dimensions that samplers stratify together.
     """
     if len(scene.lights) == 1:
         return np.zeros_like(u[0], dtype=np.int64), u[:2]
@@ -54,7 +58,9 @@ def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
 
 
 def pick(cdf: Floats, u: Floats) -> Integers:
-    """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights; an entry of no weight is never picked."""
+    """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights; an entry of no weight
+    is never picked.
+    """
     last = int(np.argmax(cdf == cdf[-1]))
     entry = np.array(np.searchsorted(cdf, u * cdf[-1], side="right"), dtype=np.int64)
     return np.minimum(entry, last)
@@ -63,13 +69,18 @@ def pick(cdf: Floats, u: Floats) -> Integers:
 def sample_light(
     scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
 ) -> LightSample:
-    """A direction to the light of each row. techniques: one a kind. light: (n,). u: (2, n). The pdf is the light's own."""
+    """A direction to the light of each row. techniques: one a kind. light: (n,). u: (2, n).
+
+    The pdf is the light's own.
+    """
     sample = _sampled(scene, techniques, hit, light, u)
     if not scene.pictures:
         return sample
     with np.errstate(invalid="ignore"):  # rows that are not valid may hold anything
         p = hit.p + sample.wi * sample.dist
-        return replace(sample, radiance=with_pictures(scene, sample.radiance, scene.lights.quadric.take(light), p))
+        return replace(
+            sample, radiance=with_pictures(scene, sample.radiance, scene.lights.quadric.take(light), p)
+        )
 
 
 def _sampled(
@@ -93,7 +104,9 @@ def _sampled(
 def light_pdf(
     scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, wi: Floats
 ) -> Floats:
-    """Density (n,) in 1/sr with which light sampling would have chosen the light (n,) and gone along wi (3, n); 0 where light is -1."""
+    """Density (n,) in 1/sr with which light sampling would have chosen the light (n,) and gone along wi (3,
+    n); 0 where light is -1.
+    """
     pdf = np.zeros(light.size)
     for first, rows, technique in _dealt(scene, techniques, light):
         p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
@@ -121,7 +134,8 @@ def chance(scene: RenderScene, light: Integers) -> Floats:
 
 
 def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, Floats]:
-    """The light that each point sees first along wi (3, n) if nothing but lights were there, and its Le (3, n).
+    """The light that each point sees first along wi (3, n) if nothing but lights were there, and its Le (3,
+    n).
 
     The light is -1 and its distance inf where there is none; an environment is behind all else.
     """
@@ -147,7 +161,9 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
     if rows.size:
         along = wi.take(rows, axis=1)
         le = _emitted(scene, light[rows], dot(along, normal.take(rows, axis=1)))
-        radiance[:, rows] = with_pictures(scene, le, quadric[rows], hit.p.take(rows, axis=1) + along * t[rows])
+        radiance[:, rows] = with_pictures(
+            scene, le, quadric[rows], hit.p.take(rows, axis=1) + along * t[rows]
+        )
     if scene.lights.environment is not None:
         kind, own = scene.lights.environment
         rows = np.flatnonzero(light < 0)

@@ -19,7 +19,8 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a ray wi (3, n) would meet: which light (n,), -1 for none, at what distance (n,), inf for what has none, and
+    """What a ray wi (3, n) would meet: which light (n,), -1 for none, at what distance (n,), inf for what has
+    none, and
     its normal there (3, n) or (3, 1), 0 where the ray ends in free space."""
 
     light: Integers
@@ -31,7 +32,8 @@ class Seen:
 def visible(
     scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, useful: Bools, radiance: Floats
 ) -> Reflected:
-    """What arrives of `radiance` (3, n): 0 where it is not `useful` (n,), and where something lies in between.
+    """What arrives of `radiance` (3, n): 0 where it is not `useful` (n,), and where something lies in
+    between.
 
     Rows that are not useful may hold anything. Shadow rays are traced where the plan calls for them.
     """
@@ -48,21 +50,30 @@ def visible(
 
 
 def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, rows: Integers) -> Bools:
-    """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and what they would see."""
+    """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and what they
+    would see.
+    """
     p, n, wi = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1), seen.wi.take(rows, axis=1)
     dist, ny = seen.dist[rows], gather(seen.normal, rows)
     cos_light = dot(wi, ny)
     ny = np.where(cos_light > 0, -ny, ny)  # on the side of p
     out = np.zeros(rows.size, dtype=np.bool_)
     if plan.shadow_triangles is not None:
-        out |= plan.shadow_triangles.occluded(p, n, hit.triangle[rows], p + wi * np.minimum(dist, scene.far), ny)
+        out |= plan.shadow_triangles.occluded(
+            p, n, hit.triangle[rows], p + wi * np.minimum(dist, scene.far), ny
+        )
     if plan.shadow_quadrics.size:
-        # What lies within `touch` of the plane of either end counts as part of it, as it does in the plan's proofs.
+        # What lies within `touch` of the plane of either end counts as part of it, as it does in the plan's
+        # proofs.
         with np.errstate(divide="ignore"):
             tmin, margin = scene.touch / np.abs(dot(wi, n)), scene.touch / np.abs(cos_light)
         tmax = dist - np.where(cos_light == 0, 0.0, margin)
         light = seen.light[rows]
-        goal = np.where(light >= 0, scene.lights.quadric.take(np.maximum(light, 0)), -1) if len(scene.lights) else light
+        goal = (
+            np.where(light >= 0, scene.lights.quadric.take(np.maximum(light, 0)), -1)
+            if len(scene.lights)
+            else light
+        )
         out |= scene.quadrics.occluded(plan.shadow_quadrics, p, wi, tmin, tmax, hit.quadric[rows], goal)
     if plan.witness is not None:
         plan.witness(hit.take(rows), wi, dist, np.ones_like(out), out)

@@ -1,25 +1,29 @@
-"""The solid angle of a disk from any point, and directions uniform in it: a spherical ellipse, in elliptic integrals.
+"""The solid angle of a disk from any point, and directions uniform in it: a spherical ellipse, in elliptic
+integrals.
 
-A disk is seen as a spherical ellipse [guillen2017]: a cone about an axis that bisects the two ends of the diameter in
-the plane of symmetry, with half-angles `minor` (a, in that plane) and `major` (b, across it). With `near` and `far`
-the distances to the two ends, in radii, and h, o the height and the offset of the point,
+A disk is seen as a spherical ellipse [guillen2017]: a cone about an axis that bisects the two ends of the
+diameter in the plane of symmetry, with half-angles `minor` (a, in that plane) and `major` (b, across it).
+With `near` and `far` the distances to the two ends, in radii, and h, o the height and the offset of the
+point,
 
     sin 2a = 2 h / (near far),   cos 2a = (h^2 + o^2 - 1) / (near far),   sin b = 2 / (near + far),
     cos b / cos a = 2 sqrt(near far) / (near + far),
 
-none of which cancels. The meridian planes about the major axis, numbered by sin(phi) = s sin(a), cut the ellipse into
-lunes of length 2 y(s) in the sine of the latitude, whose area is that length (Archimedes), so that with T = s / sqrt(1 - s^2)
+none of which cancels. The meridian planes about the major axis, numbered by sin(phi) = s sin(a), cut the
+ellipse into lunes of length 2 y(s) in the sine of the latitude, whose area is that length (Archimedes), so
+that with T = s / sqrt(1 - s^2)
 
     solid angle right of T = 2 sin a sin b integral_T^oo dt / ((1 + t^2) sqrt((1 + A t^2) (1 + B t^2))),
     A = cos^2 b,  B = cos^2 a.
 
-It is symmetric in the two angles and its integrand is positive. [guillen2017] has such a map (the parallel one) in Legendre's
-integrals of the first and third kind and inverts it by tables or Newton's method; what is used here is made of positive terms only,
-so that neither a small ellipse nor a near hemisphere cancels:
+It is symmetric in the two angles and its integrand is positive. [guillen2017] has such a map (the parallel
+one) in Legendre's integrals of the first and third kind and inverts it by tables or Newton's method; what is
+used here is made of positive terms only, so that neither a small ellipse nor a near hemisphere cancels:
 - the whole: Bulirsch's `cel`, arithmetic-geometric means;
 - from T to infinity: one symmetric integral R_J, whose logarithm is inverted in two or three steps.
 
-No formula has branches but for the half-angles (which of sine and cosine is found by the root, at 45 degrees).
+No formula has branches but for the half-angles (which of sine and cosine is found by the root, at 45
+degrees).
 """
 
 from __future__ import annotations
@@ -35,13 +39,17 @@ from renderer.spherical.elliptic import complete, symmetric
 # The search stops at steps in asinh(T) below this; Halley's error is then its cube, 1e-11 of the share of u.
 STEP = 2e-4
 SEARCHES = 12  # 3 are the most that was ever seen
-# Cosines below this are taken as this: their squares would underflow where the ellipse is a hemisphere to the last digit.
+# Cosines below this are taken as this: their squares would underflow where the ellipse is a hemisphere to the
+# last digit.
 FLAT = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
 class DiskView:
-    """How a disk is seen: (n,) arrays. Lengths are in radii; the axis lies `tilt` from the disk's own axis."""
+    """How a disk is seen: (n,) arrays.
+
+    Lengths are in radii; the axis lies `tilt` from the disk's own axis.
+    """
 
     height: Floats
     offset: Floats
@@ -56,10 +64,11 @@ class DiskView:
 
 
 def disk_view(height: Floats, offset: Floats, radius: Floats) -> DiskView:
-    """How a disk is seen from a point at `height` over its plane (its absolute value counts) and `offset` from its axis.
+    """How a disk is seen from a point at `height` over its plane (its absolute value counts) and `offset`
+    from its axis.
 
-    height, offset (>= 0), radius: (n,), or (1,) to be broadcast, in one unit of length. In the plane (height 0) the minor angle is 0
-    outside the rim and 90 degrees inside it, and at the rim NaN.
+    height, offset (>= 0), radius: (n,), or (1,) to be broadcast, in one unit of length. In the plane (height
+    0) the minor angle is 0 outside the rim and 90 degrees inside it, and at the rim NaN.
     """
     h, o = np.abs(height) / radius, offset / radius
     inner, outer = (offset - radius) / radius, (offset + radius) / radius
@@ -75,7 +84,9 @@ def disk_view(height: Floats, offset: Floats, radius: Floats) -> DiskView:
 
 
 def _half_angle(cosine: Floats, half_sine: Floats, scale: Floats) -> tuple[Floats, Floats]:
-    """cos x and sin x, where cos 2x = cosine / scale and sin 2x = 2 half_sine / scale, x in [0, 90] degrees."""
+    """cos x and sin x, where cos 2x = cosine / scale and sin 2x = 2 half_sine / scale, x in [0, 90]
+    degrees.
+    """
     larger = np.sqrt((0.5 * (scale + np.abs(cosine))) / scale)
     smaller = half_sine / scale / larger
     acute = cosine >= 0
@@ -92,10 +103,12 @@ def solid_angle(view: DiskView) -> Floats:
 
 
 def sample(view: DiskView, omega: Floats, u: Floats) -> Floats:
-    """Unit directions (3, n), uniform in the solid angle `omega` (n,): towards the offset, across it, and to the disk's plane.
+    """Unit directions (3, n), uniform in the solid angle `omega` (n,): towards the offset, across it, and to
+    the disk's plane.
 
-    u: (2, n) in [0, 1). u[0] goes from the near end to the far one, u[1] across. Rows with omega = 0 give NaN or anything.
-    The third component keeps its relative accuracy at grazing incidence: height / it is the distance to the disk.
+    u: (2, n) in [0, 1). u[0] goes from the near end to the far one, u[1] across. Rows with omega = 0 give NaN
+    or anything. The third component keeps its relative accuracy at grazing incidence: height / it is the
+    distance to the disk.
     """
     tail = 2.0 * np.minimum(u[0], 1.0 - u[0])
     right = u[0] >= 0.5
@@ -109,7 +122,9 @@ def sample(view: DiskView, omega: Floats, u: Floats) -> Floats:
         narrow = cos_s * cos_s / wide
         from_near, from_far = np.where(right, wide, narrow), np.where(right, narrow, wide)
         down = 0.5 * view.sin_minor * (view.far * from_far + view.near * from_near)
-        along = view.sin_tilt * cos_phi + np.where(right, 1.0, -1.0) * (view.cos_tilt * view.sin_minor) * sin_s
+        along = (
+            view.sin_tilt * cos_phi + np.where(right, 1.0, -1.0) * (view.cos_tilt * view.sin_minor) * sin_s
+        )
         # The latitude y is v times its largest; 1 - y^2 = (1 - v^2) y_max^2 + (1 - y_max^2)
         band = 1.0 / (cos_s * cos_s + (view.cos_major * sin_s) ** 2)
         across = (view.sin_major * cos_s) ** 2 * band
@@ -118,9 +133,11 @@ def sample(view: DiskView, omega: Floats, u: Floats) -> Floats:
 
 
 def invert(view: DiskView, omega: Floats, wi: Floats) -> Floats:
-    """The u (2, n) that `sample` maps to the directions wi (3, n), in its frame. Directions off the disk give its border.
+    """The u (2, n) that `sample` maps to the directions wi (3, n), in its frame. Directions off the disk give
+    its border.
 
-    wi need not be of unit length. What rounding does to wi, some 1e-16, shows divided by the half-angles of the ellipse.
+    wi need not be of unit length. What rounding does to wi, some 1e-16, shows divided by the half-angles of
+    the ellipse.
     """
     along, across, down = wi
     inner, outer = view.offset - 1.0, view.offset + 1.0
@@ -132,7 +149,9 @@ def invert(view: DiskView, omega: Floats, wi: Floats) -> Floats:
         sine = along * view.cos_tilt - down * view.sin_tilt
         square = cos2 + sine * sine  # = sin^2(minor) times the same factor
         t = np.abs(sine) / np.sqrt(cos2)
-        share = 0.5 * np.where(cos2 > 0, _tail(np.minimum(t, 1e30), *_squares(view)) / _total(view, omega), 0.0)
+        share = 0.5 * np.where(
+            cos2 > 0, _tail(np.minimum(t, 1e30), *_squares(view)) / _total(view, omega), 0.0
+        )
         latitude = across / np.sqrt(along * along + across * across + down * down)
         cos2, sin2 = cos2 / square, sine * sine / square
         largest = view.sin_major * np.sqrt(cos2 / (cos2 + view.cos_major**2 * sin2))
@@ -165,8 +184,9 @@ def _tail(t: Floats, a: Floats, b: Floats, sines: Floats) -> Floats:
 def _search(view: DiskView, omega: Floats, share: Floats) -> Floats:
     """The T (n,) right of which lies a share (n,), in (0, 1], of the integral from 0.
 
-    Halley's steps in asinh(T) on the logarithm of the tail. The integrand is log-concave there, hence so is the tail, and
-    Newton's steps would converge from anywhere; Halley's are capped at twice Newton's. A row stops when its own step is small.
+    Halley's steps in asinh(T) on the logarithm of the tail. The integrand is log-concave there, hence so is
+    the tail, and Newton's steps would converge from anywhere; Halley's are capped at twice Newton's. A row
+    stops when its own step is small.
     """
     total = _total(view, omega)
     t = _guess(view, total, 1.0 / share - 1.0)
@@ -191,7 +211,8 @@ def _search(view: DiskView, omega: Floats, share: Floats) -> Floats:
 
 
 def _guess(view: DiskView, total: Floats, odds: Floats) -> Floats:
-    """A first T: the tail taken as 1 / (1/total + T/total^2 + 2 cos(a) T^2 + 3 cos(a) cos(b) T^3), right at both ends.
+    """A first T: the tail taken as 1 / (1/total + T/total^2 + 2 cos(a) T^2 + 3 cos(a) cos(b) T^3), right at
+    both ends.
 
     The cubic equation for T is solved by its smallest bound and two steps of Newton in the logarithm.
     """

@@ -1,10 +1,14 @@
-"""Irradiance from an elliptic cone of constant radiance, clipped at the receiver's horizon: disks, and spheres from outside.
+"""Irradiance from an elliptic cone of constant radiance, clipped at the receiver's horizon: disks, and
+spheres from outside.
 
-With half-angles a <= b, (x, y, z) the receiver's normal along the minor axis, the major axis and the cone's own axis:
+With half-angles a <= b, (x, y, z) the receiver's normal along the minor axis, the major axis and the cone's
+own axis:
 - wholly above the horizon: pi sin a sin b z, the vector irradiance lying along the axis by symmetry;
-- cut by it: the contour integral 1/2 n . oint (w x dw) / |w|^2 [lambert1760] over the visible arc of the border and the
+- cut by it: the contour integral 1/2 n . oint (w x dw) / |w|^2 [lambert1760] over the visible arc of the
+border and the
   arc of the horizon that closes it, both elementary (`_contour`);
-- cut, and narrow or mostly below: the terms of the contour are of the size of the cone, the result of its cube. Then a
+- cut, and narrow or mostly below: the terms of the contour are of the size of the cone, the result of its
+cube. Then a
   product rule over the visible segment, of positive terms only (`_cubature`).
 """
 
@@ -18,8 +22,10 @@ from numpy.typing import NDArray
 from renderer.math.vectors import Floats
 from renderer.spherical.disk import DiskView
 
-# Where the contour hands over to the cubature: the tangent of the major half-angle times the half-width of the visible
-# segment in units of the ellipse. There the contour's error is some 1e-16 of a result of the size of NARROW cubed.
+# Where the contour hands over to the cubature: the tangent of the major half-angle times the half-width of
+# the visible
+# segment in units of the ellipse. There the contour's error is some 1e-16 of a result of the size of NARROW
+# cubed.
 NARROW = 0.2
 ACROSS, ALONG = np.polynomial.legendre.leggauss(16), np.polynomial.legendre.leggauss(8)
 # A circular cone divides 0 by 0 at the foci: this is small enough to change no digit.
@@ -29,8 +35,9 @@ ROUND = 1e-30
 def disk_irradiance(view: DiskView, along: Floats, across: Floats, down: Floats) -> Floats:
     """Irradiance (n,) per unit of radiance, W/m^2 per W/(m^2 sr), from a disk that emits towards the point.
 
-    view: `disk_view` of the disk. along, across, down: (n,) components of the receiver's unit normal towards the disk's axis,
-    across that, and to the disk's plane: the frame of `renderer.spherical.disk.sample`. 0 in the disk's plane.
+    view: `disk_view` of the disk. along, across, down: (n,) components of the receiver's unit normal towards
+    the disk's axis, across that, and to the disk's plane: the frame of `renderer.spherical.disk.sample`. 0 in
+    the disk's plane.
     """
     minor = along * view.cos_tilt - down * view.sin_tilt
     axis = along * view.sin_tilt + down * view.cos_tilt
@@ -40,10 +47,11 @@ def disk_irradiance(view: DiskView, along: Floats, across: Floats, down: Floats)
 
 
 def sphere_irradiance(sine: Floats, cosine: Floats, facing: Floats) -> Floats:
-    """Irradiance (n,) per unit of radiance from a sphere seen from outside: its cone's half-angle, and what it faces.
+    """Irradiance (n,) per unit of radiance from a sphere seen from outside: its cone's half-angle, and what
+    it faces.
 
-    sine, cosine: (n,) of the half-angle, sine = radius / distance. facing: (n,) cosine between the receiver's normal and the
-    direction of the centre. Wholly above the horizon it is pi sine^2 facing.
+    sine, cosine: (n,) of the half-angle, sine = radius / distance. facing: (n,) cosine between the receiver's
+    normal and the direction of the centre. Wholly above the horizon it is pi sine^2 facing.
     """
     level = np.sqrt(np.maximum((1.0 - facing) * (1.0 + facing), 0.0))
     zero = np.zeros_like(sine)
@@ -52,10 +60,11 @@ def sphere_irradiance(sine: Floats, cosine: Floats, facing: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Cut:
-    """A cone that the horizon cuts: (n,) arrays. On the border, at the parameter t of the ellipse, n . w ~ cos(t - turn) + depth.
+    """A cone that the horizon cuts: (n,) arrays. On the border, at the parameter t of the ellipse, n . w ~
+    cos(t - turn) + depth.
 
-    Border points are (sin a ratio cos t, sin b sin t, cos b), not of unit length; ratio = cos b / cos a. `size` is that of
-    the normal along the ellipse's axes, (x sin a ratio, y sin b).
+    Border points are (sin a ratio cos t, sin b sin t, cos b), not of unit length; ratio = cos b / cos a.
+    `size` is that of the normal along the ellipse's axes, (x sin a ratio, y sin b).
     """
 
     normal: tuple[Floats, Floats, Floats]
@@ -75,7 +84,17 @@ class _Cut:
         x, y, z = self.normal
         return _Cut(
             (x[rows], y[rows], z[rows]),
-            *(v[rows] for v in (self.sin_minor, self.sin_major, self.cos_minor, self.cos_major, self.ratio, self.foci)),
+            *(
+                v[rows]
+                for v in (
+                    self.sin_minor,
+                    self.sin_major,
+                    self.cos_minor,
+                    self.cos_major,
+                    self.ratio,
+                    self.foci,
+                )
+            ),
             *(v[rows] for v in (self.p, self.q, self.size, self.depth)),
         )
 
@@ -113,10 +132,11 @@ def _clipped(cut: _Cut) -> Floats:
 
 
 def _contour(cut: _Cut) -> Floats:
-    """The visible arc of the border, from turn - D to turn + D with cos D = -depth, and the horizon between its ends.
+    """The visible arc of the border, from turn - D to turn + D with cos D = -depth, and the horizon between
+    its ends.
 
-    The arc's three integrals, of the solid angle's longitude and along the two foci, are an angle, an arc tangent and an
-    inverse hyperbolic sine.
+    The arc's three integrals, of the solid angle's longitude and along the two foci, are an angle, an arc
+    tangent and an inverse hyperbolic sine.
     """
     x, y, z = cut.normal
     sin_d = np.sqrt((1.0 - cut.depth) * (1.0 + cut.depth))
@@ -128,8 +148,11 @@ def _contour(cut: _Cut) -> Floats:
     swept = np.arctan2(cut.foci * sin1, cut.cos_major) - np.arctan2(cut.foci * sin0, cut.cos_major)
     grown = _focal(cut, cos1, sin1) - _focal(cut, cos0, sin0)
     a, b, c = cut.sin_minor * cut.ratio, cut.sin_major, cut.cos_major
-    # n . (end x start) of the border points is 2 sin(D) a b c / size: never negative, which rounding could hide
-    horizon = np.arctan2(2.0 * sin_d * (a * b * c / cut.size), a * a * cos0 * cos1 + b * b * sin0 * sin1 + c * c)
+    # n . (end x start) of the border points is 2 sin(D) a b c / size: never negative, which rounding could
+    # hide
+    horizon = np.arctan2(
+        2.0 * sin_d * (a * b * c / cut.size), a * a * cos0 * cos1 + b * b * sin0 * sin1 + c * c
+    )
     e = z * cut.sin_minor * b * turned + horizon
     e -= x * b * cut.cos_minor**2 * (swept / cut.foci)
     e += y * cut.sin_minor * c**2 * (grown / cut.foci)
@@ -143,7 +166,8 @@ def _focal(cut: _Cut, cosine: Floats, sine: Floats) -> Floats:
 
 
 def _cubature(cut: _Cut) -> Floats:
-    """Gauss over the visible segment of the ellipse, projected to a unit disk: (cos t, v sin t), t in [0, D], v in [-1, 1].
+    """Gauss over the visible segment of the ellipse, projected to a unit disk: (cos t, v sin t), t in [0, D],
+    v in [-1, 1].
 
     The integrand is n . w / |w|^4, and n . w ~ cos t - cos D = 2 sin((D + t) / 2) sin((D - t) / 2).
     """

@@ -1,4 +1,6 @@
-"""The two elliptic integrals that a disk's solid angle is made of, both of positive terms only, so that neither cancels."""
+"""The two elliptic integrals that a disk's solid angle is made of, both of positive terms only, so that
+neither cancels.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,13 @@ from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
 
-# Steps of the arithmetic-geometric mean: seven leave a ratio of 2e-8, met 1e-16 radii from a disk's rim, at 1 - 1e-13.
+# Steps of the arithmetic-geometric mean: seven leave a ratio of 2e-8, met 1e-16 radii from a disk's rim, at 1
+# - 1e-13.
 MEANS = 8
-# Duplication divides the differences of four arguments by 4 each time. What the series of degree 7 leaves out is some 5 d^8,
-# d the largest difference over the mean: 2e-15 here [carlson1995, eq. 2.18, with the exponent that degree 7 allows].
+# Duplication divides the differences of four arguments by 4 each time. What the series of degree 7 leaves out
+# is some 5 d^8,
+# d the largest difference over the mean: 2e-15 here [carlson1995, eq. 2.18, with the exponent that degree 7
+# allows].
 CLOSE = 0.012
 # Every row takes this many steps: an ordinary disk wants four, and looking costs as much as a step.
 FIRST = 4
@@ -18,10 +23,11 @@ DUPLICATIONS = 40  # 10 are the most that was seen, for cosines 1e-30 apart
 
 
 def complete(kc: Floats, p: Floats) -> Floats:
-    """cel(kc, p^2, 1, 0): the integral of cos^2 / ((cos^2 + p^2 sin^2) sqrt(cos^2 + kc^2 sin^2)) over a quarter turn.
+    """cel(kc, p^2, 1, 0): the integral of cos^2 / ((cos^2 + p^2 sin^2) sqrt(cos^2 + kc^2 sin^2)) over a
+    quarter turn.
 
-    kc: (n,) in [2e-8, 1]. p: (n,) > 0. Returns (n,), relative error some 1e-15. The steps are [bulirsch1969]'s, a fixed number of
-    them: a row's bits must not depend on when others converge.
+    kc: (n,) in [2e-8, 1]. p: (n,) > 0. Returns (n,), relative error some 1e-15. The steps are
+    [bulirsch1969]'s, a fixed number of them: a row's bits must not depend on when others converge.
     """
     product, mean = kc, np.ones_like(kc)
     a, b = np.ones_like(kc), np.zeros_like(kc)
@@ -35,10 +41,12 @@ def complete(kc: Floats, p: Floats) -> Floats:
 
 
 def symmetric(x: Floats, y: Floats, z: Floats, p: Floats, apart: Floats) -> Floats:
-    """Carlson's R_J(x, y, z, p) = 3/2 integral_0^oo dt / ((t + p) sqrt((t + x)(t + y)(t + z))), where p lies between.
+    """Carlson's R_J(x, y, z, p) = 3/2 integral_0^oo dt / ((t + p) sqrt((t + x)(t + y)(t + z))), where p lies
+    between.
 
-    x, y, z: (n,) >= 0, at most one of them 0. p: (n,) > 0. apart: (n,) sqrt((p - x)(p - y)(p - z)), given lest it cancel; real.
-    Returns (n,), relative error some 1e-15, by duplication [carlson1995, sec. 2]. A row stops when its own arguments are close.
+    x, y, z: (n,) >= 0, at most one of them 0. p: (n,) > 0. apart: (n,) sqrt((p - x)(p - y)(p - z)), given
+    lest it cancel; real. Returns (n,), relative error some 1e-15, by duplication [carlson1995, sec. 2]. A row
+    stops when its own arguments are close.
     """
     out = np.zeros_like(x)
     rows: NDArray[np.int64] = np.arange(x.size, dtype=np.int64)
@@ -65,7 +73,9 @@ def symmetric(x: Floats, y: Floats, z: Floats, p: Floats, apart: Floats) -> Floa
 
 
 def _series(x: Floats, y: Floats, z: Floats, p: Floats) -> tuple[Floats, Floats]:
-    """R_J of close arguments, to degree 7 in their differences from the mean (DLMF 19.36.2), and the largest of these over the mean."""
+    """R_J of close arguments, to degree 7 in their differences from the mean (DLMF 19.36.2), and the largest
+    of these over the mean.
+    """
     mean = 0.2 * (x + y + z + 2.0 * p)
     with np.errstate(under="ignore"):
         dx, dy, dz, dp = 1.0 - x / mean, 1.0 - y / mean, 1.0 - z / mean, 1.0 - p / mean

@@ -1,4 +1,6 @@
-"""A polygon's projected solid angle as a table of sectors: the fan of triangles at its first corner, each cut by azimuth."""
+"""A polygon's projected solid angle as a table of sectors: the fan of triangles at its first corner, each cut
+by azimuth.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ NEXT, LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The sectors of n polygons. number: (slots, n), which of `sectors` is in a slot, -1 for none. area: (slots, n), theirs.
+    """The sectors of n polygons. number: (slots, n), which of `sectors` is in a slot, -1 for none. area:
+    (slots, n), theirs.
 
     total: (n,), the projected solid angles of the polygons, which are their irradiances per unit radiance.
     """
@@ -30,10 +33,11 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class _Triangles:
-    """q triangles above the horizon, counter-clockwise about the zenith. x, y, up, k: (3, q). edge: (3, 3, q), corner to next.
+    """q triangles above the horizon, counter-clockwise about the zenith. x, y, up, k: (3, q). edge: (3, 3,
+    q), corner to next.
 
-    k: cross products of the horizontal parts, each corner with the next. around: (q,), whether the zenith is inside. Where
-    it is not, edge 2 alone spans all azimuths, and k of the others has the sign of `turn` (q,).
+    k: cross products of the horizontal parts, each corner with the next. around: (q,), whether the zenith is
+    inside. Where it is not, edge 2 alone spans all azimuths, and k of the others has the sign of `turn` (q,).
     """
 
     x: Floats
@@ -51,7 +55,10 @@ class _Triangles:
 
 
 def table(polygon: Polygon) -> Table:
-    """All sectors of polygons. Triangles that hold the zenith have three, to the zenith; others two, that share corner 1."""
+    """All sectors of polygons.
+
+    Triangles that hold the zenith have three, to the zenith; others two, that share corner 1.
+    """
     n = polygon.base.shape[1]
     number = np.full((3 * len(polygon.volume), n), -1, dtype=np.int64)
     parts: list[Sectors] = []
@@ -92,7 +99,8 @@ def _triangles(polygon: Polygon, i: int, rows: NDArray[np.int64]) -> _Triangles:
     rho = x * x + y * y
     nearer = rho <= rho[NEXT]
     k = _either(nearer, x, x[NEXT]) * edge[1] - _either(nearer, y, y[NEXT]) * edge[0]
-    # A corner on the axis makes k = 0 on both sides of it: counted as rising, the zenith is `around`, as it should be.
+    # A corner on the axis makes k = 0 on both sides of it: counted as rising, the zenith is `around`, as it
+    # should be.
     rising = k >= 0
     count = rising[0].astype(np.int64) + rising[1] + rising[2]
     around, inner = count == 3, count == 2
@@ -134,5 +142,7 @@ def _sectors(t: _Triangles, j: int) -> Sectors:
 
 
 def _slope(edge: Floats, x: Floats, y: Floats, a: Floats) -> Floats:
-    """How much an edge rises above the tangent a of its start's elevation, kept up along the start's azimuth (x, y)."""
+    """How much an edge rises above the tangent a of its start's elevation, kept up along the start's azimuth
+    (x, y).
+    """
     return edge[2] - a * (edge[0] * x + edge[1] * y)

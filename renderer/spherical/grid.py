@@ -16,8 +16,8 @@ from renderer.spherical import latlong, octahedral
 class SphereGrid:
     """k images, their texels numbered through, row by row.
 
-    height, width: (k,). latlong: (k,) bool, latitude-longitude images; the others are square and octahedral. first: (k,) number
-    of an image's first texel.
+    height, width: (k,). latlong: (k,) bool, latitude-longitude images; the others are square and octahedral.
+    first: (k,) number of an image's first texel.
     """
 
     height: NDArray[np.int64]
@@ -30,15 +30,22 @@ class SphereGrid:
         return self.first.take(index) + place.row * self.width.take(index) + place.column
 
     def direction(self, index: Integers, place: Place) -> Floats:
-        """Unit vectors (3, n) of places; a uniform place in a texel gives a uniform direction in the texel's solid angle."""
+        """Unit vectors (3, n) of places; a uniform place in a texel gives a uniform direction in the texel's
+        solid angle.
+        """
         height, width = self.height.take(index), self.width.take(index)
         if not self.latlong.any():
             return _octahedral(place, width)
         polar = latlong.texel_to_sphere(place.row, place.column, place.x, place.y, height, width)
-        return polar if self.latlong.all() else np.where(self.latlong[index], polar, _octahedral(place, width))
+        return (
+            polar if self.latlong.all() else np.where(self.latlong[index], polar, _octahedral(place, width))
+        )
 
     def texel_at(self, index: Integers, w: Floats) -> NDArray[np.int64]:
-        """The number (n,) of the texel that unit vectors w (3, n) fall on; on an edge, either of two. NaN falls on the first."""
+        """The number (n,) of the texel that unit vectors w (3, n) fall on; on an edge, either of two.
+
+        NaN falls on the first.
+        """
         along, down = self._position(index, w)
         height, width = self.height.take(index), self.width.take(index)
         return self.first.take(index) + _cell(down, height) * width + _cell(along, width)
@@ -58,7 +65,9 @@ class SphereGrid:
         if self.latlong.all():
             square = latlong.sphere_to_square(w)
         elif self.latlong.any():
-            square = np.where(self.latlong[index], latlong.sphere_to_square(w), octahedral.sphere_to_square(w))
+            square = np.where(
+                self.latlong[index], latlong.sphere_to_square(w), octahedral.sphere_to_square(w)
+            )
         else:
             square = octahedral.sphere_to_square(w)
         square[0] *= self.width.take(index)
@@ -70,28 +79,36 @@ class SphereGrid:
         height, width = self.height[image], self.width[image]
         if not self.latlong[image]:
             return np.full((height, 1), 4 * np.pi / (height * width))
-        # sin^2 b - sin^2 a = sin(b + a) sin(b - a), and angles from the nearer pole: no cancellation at either
+        # sin^2 b - sin^2 a = sin(b + a) sin(b - a), and angles from the nearer pole: no cancellation at
+        # either
         row = np.arange(float(height)) + 0.5
         middle = np.sin(np.minimum(row, height - row) * (np.pi / height))
         return ((4 * np.pi / width) * middle * np.sin(0.5 * np.pi / height))[:, None]
 
     def above(self, image: int) -> Floats:
-        """(h, w): the part of each texel that has z > 0, for images of an even height: 0, 1, or 1/2 where z = 0 is its diagonal."""
+        """(h, w): the part of each texel that has z > 0, for images of an even height: 0, 1, or 1/2 where z =
+        0 is its diagonal.
+        """
         height, width = int(self.height[image]), int(self.width[image])
         if height % 2:
             raise ValueError("the horizon cuts the texels of an image of an odd height")
         if self.latlong[image]:
             return np.repeat((np.arange(height) < height // 2).astype(np.float64)[:, None], width, axis=1)
-        # z = 0 where |a| + |b| = 1 in [-1, 1]^2; twice a texel's centre is odd, so that the sum compares as integers.
+        # z = 0 where |a| + |b| = 1 in [-1, 1]^2; twice a texel's centre is odd, so that the sum compares as
+        # integers.
         off = np.abs(2 * np.arange(height) + 1 - height)
         total = off[:, None] + off
         return np.where(total < height, 1.0, np.where(total == height, 0.5, 0.0))
 
 
 def _octahedral(place: Place, size: Integers) -> Floats:
-    return octahedral.square_to_sphere(np.stack([(place.column + place.x) / size, (place.row + place.y) / size]))
+    return octahedral.square_to_sphere(
+        np.stack([(place.column + place.x) / size, (place.row + place.y) / size])
+    )
 
 
 def _cell(position: Floats, count: Integers) -> NDArray[np.int64]:
-    """The cell (n,) of 0 ... count - 1 that holds a position in [0, count]; NaN counts as 0, since no cast may meet it."""
+    """The cell (n,) of 0 ... count - 1 that holds a position in [0, count]; NaN counts as 0, since no cast
+    may meet it.
+    """
     return np.fmin(np.fmax(position, 0.0), count - 1.0).astype(np.int64)

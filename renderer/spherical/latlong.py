@@ -1,7 +1,8 @@
 """Latitude-longitude images of the sphere: the first row about +z, columns by the angle from +x towards +y.
 
-Positions inside a texel are equal in area: x along the angle, y along sin^2(theta/2), which is the share of the sphere that lies above.
-Beside it goes cos^2(theta/2), the share below, so that neither pole loses digits and z is their difference.
+Positions inside a texel are equal in area: x along the angle, y along sin^2(theta/2), which is the share of
+the sphere that lies above. Beside it goes cos^2(theta/2), the share below, so that neither pole loses digits
+and z is their difference.
 """
 
 from __future__ import annotations
@@ -19,8 +20,12 @@ def share_above(row: Integers, height: Integers) -> Floats:
     return np.sin((np.pi / 2) * row / height) ** 2
 
 
-def texel_to_sphere(row: Integers, column: Integers, x: Floats, y: Floats, height: Integers, width: Integers) -> Floats:
-    """Unit vectors (3, n) of places in texels. row, column, height, width: (n,). x, y: (n,) in [0, 1], by area."""
+def texel_to_sphere(
+    row: Integers, column: Integers, x: Floats, y: Floats, height: Integers, width: Integers
+) -> Floats:
+    """Unit vectors (3, n) of places in texels. row, column, height, width: (n,). x, y: (n,) in [0, 1], by
+    area.
+    """
     above = share_above(row, height)
     above = above + y * (share_above(row + 1, height) - above)
     # The share below is the share above seen from the other end.
@@ -32,7 +37,9 @@ def texel_to_sphere(row: Integers, column: Integers, x: Floats, y: Floats, heigh
 
 
 def sphere_to_square(w: Floats) -> Floats:
-    """The angle from +x over 2 pi and the angle from +z over pi, (2, n) in [0, 1], of unit vectors w (3, n)."""
+    """The angle from +x over 2 pi and the angle from +z over pi, (2, n) in [0, 1], of unit vectors w (3,
+    n).
+    """
     x, y, z = w
     angle: Floats = np.arctan2(y, x) / (2 * np.pi)
     return np.stack([np.where(angle < 0, angle + 1.0, angle), np.arctan2(np.sqrt(x * x + y * y), z) / np.pi])

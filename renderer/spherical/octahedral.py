@@ -1,8 +1,9 @@
 """The equal-area map between the unit square and the sphere, in the octahedral layout [clarberg2008].
 
-Axes are pbrt-v4's: the middle of the square is +z, its four corners are -z; the first coordinate runs along +x, the second along +y, so
-that an image's first row lies towards -y. Over a quadrant, with (s, t) its first-quadrant coordinates and r = s + t,
-z = 1 - r^2 and the angle from x is (pi/2) t/r; the lower half of the sphere is the upper one mirrored at s + t = 1.
+Axes are pbrt-v4's: the middle of the square is +z, its four corners are -z; the first coordinate runs along
++x, the second along +y, so that an image's first row lies towards -y. Over a quadrant, with (s, t) its
+first-quadrant coordinates and r = s + t, z = 1 - r^2 and the angle from x is (pi/2) t/r; the lower half of
+the sphere is the upper one mirrored at s + t = 1.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from renderer.math.vectors import Floats
 
 
 def square_to_sphere(u: Floats) -> Floats:
-    """Unit vectors (3, n) of points u (2, n) in [0, 1]; every area of the square maps to 4 pi times as much solid angle.
+    """Unit vectors (3, n) of points u (2, n) in [0, 1]; every area of the square maps to 4 pi times as much
+    solid angle.
 
-    Where pbrt has (v - u)/r + 1 and 1 - |1 - u - v|, the mirrored coordinates are used: they keep their digits at both poles.
+    Where pbrt has (v - u)/r + 1 and 1 - |1 - u - v|, the mirrored coordinates are used: they keep their
+    digits at both poles.
     """
     a: Floats = 2.0 * u[0] - 1.0
     b: Floats = 2.0 * u[1] - 1.0
@@ -36,8 +39,9 @@ def square_to_sphere(u: Floats) -> Floats:
 def sphere_to_square(w: Floats) -> Floats:
     """The points (2, n) in [0, 1] of unit vectors w (3, n): the inverse of `square_to_sphere`.
 
-    r is sqrt((x^2 + y^2) / (1 + |z|)) and not pbrt's sqrt(1 - |z|), which has no digits left within 1e-8 of a pole. pbrt approximates the
-    arc tangent by a polynomial; its texels' borders are off by some 1e-5 of the square from these.
+    r is sqrt((x^2 + y^2) / (1 + |z|)) and not pbrt's sqrt(1 - |z|), which has no digits left within 1e-8 of a
+    pole. pbrt approximates the arc tangent by a polynomial; its texels' borders are off by some 1e-5 of the
+    square from these.
     """
     x, y, z = w
     r = np.minimum(np.sqrt((x * x + y * y) / (1.0 + np.abs(z))), 1.0)

@@ -1,8 +1,10 @@
-"""Convex polygons as a surface sees them: turned into the surface's frame, clipped at its horizon, cut into triangles.
+"""Convex polygons as a surface sees them: turned into the surface's frame, clipped at its horizon, cut into
+triangles.
 
-A point's frame has its third axis along the surface's normal, so that heights over the horizon are third coordinates, and
-is mirrored where the polygon turns clockwise: all that follows sees polygons turn counter-clockwise about the zenith.
-Corners are held as one corner and the others' offsets from it; corner - corner would carry the rounding of the distance.
+A point's frame has its third axis along the surface's normal, so that heights over the horizon are third
+coordinates, and is mirrored where the polygon turns clockwise: all that follows sees polygons turn
+counter-clockwise about the zenith. Corners are held as one corner and the others' offsets from it; corner -
+corner would carry the rounding of the distance.
 """
 
 from __future__ import annotations
@@ -21,9 +23,9 @@ Frame = tuple[Floats, Floats, Floats]
 class Polygon:
     """Corners (m of each) in the frames of n points, those that have all corners below the horizon included.
 
-    base: (3, n), where the offsets start. offset: (3, m, n), the corners from there. up: (m, n), their heights, >= 0.
-    volume: (m - 2, n), the triple products of the triangles of the fan at the first corner; 0 where there is none.
-    frame: the axes in the world, each (3, n).
+    base: (3, n), where the offsets start. offset: (3, m, n), the corners from there. up: (m, n), their
+    heights, >= 0. volume: (m - 2, n), the triple products of the triangles of the fan at the first corner; 0
+    where there is none. frame: the axes in the world, each (3, n).
     """
 
     base: Floats
@@ -35,16 +37,19 @@ class Polygon:
     def take(self, rows: NDArray[np.int64]) -> Polygon:
         """Those of some points."""
         x, y, z = (axis.take(rows, axis=-1) for axis in self.frame)
-        base, offset, up, volume = (v.take(rows, axis=-1) for v in (self.base, self.offset, self.up, self.volume))
+        base, offset, up, volume = (
+            v.take(rows, axis=-1) for v in (self.base, self.offset, self.up, self.volume)
+        )
         return Polygon(base, offset, up, volume, (x, y, z))
 
 
 def seen_from(corner: Floats, others: Floats, ref_n: Floats) -> Polygon:
-    """The part above the horizon of convex planar polygons; m is one more than their corners, the last repeated as needed.
+    """The part above the horizon of convex planar polygons; m is one more than their corners, the last
+    repeated as needed.
 
-    corner: (3, n), the first as seen from the points. others: (3, v - 1, n) or (3, v - 1, 1), the rest in order, as offsets
-    from the first. ref_n: (3, n), the surface's normal, unit. What is seen edge-on, or merely touches the horizon, has
-    volumes of 0 only.
+    corner: (3, n), the first as seen from the points. others: (3, v - 1, n) or (3, v - 1, 1), the rest in
+    order, as offsets from the first. ref_n: (3, n), the surface's normal, unit. What is seen edge-on, or
+    merely touches the horizon, has volumes of 0 only.
     """
     area = cross(others[:, 0], others[:, 1])
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -67,7 +72,8 @@ def seen_from(corner: Floats, others: Floats, ref_n: Floats) -> Polygon:
 
 
 def _clip(offset: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """What is above the horizon of polygons that cross it: offset (3, v, n), up (v, n) -> (3, v + 1, n), (v + 1, n).
+    """What is above the horizon of polygons that cross it: offset (3, v, n), up (v, n) -> (3, v + 1, n), (v +
+    1, n).
 
     A convex polygon enters once and leaves once: the corners between are a run, and the two cuts end it.
     """
@@ -87,5 +93,7 @@ def _clip(offset: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def _cut(above: Floats, up: Floats, below: Floats, down: Floats) -> Floats:
-    """Where the edge from a corner above, at height up > 0, to one below, at height down <= 0, meets the horizon."""
+    """Where the edge from a corner above, at height up > 0, to one below, at height down <= 0, meets the
+    horizon.
+    """
     return above + (below - above) * (up / (up - down))

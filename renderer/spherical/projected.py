@@ -1,8 +1,9 @@
-"""Projected solid angle of convex polygons: the irradiance per unit radiance, and directions with pdf cos / irradiance.
+"""Projected solid angle of convex polygons: the irradiance per unit radiance, and directions with pdf cos /
+irradiance.
 
-The polygon is clipped at the surface's horizon and cut into sectors of azimuth (`fan`, `sectors`), whose areas are exact
-and add up without cancelling. One of them is chosen by its area, then an azimuth in it by a search [peters2021], and then
-the squared distance from the axis uniformly between the two edges there.
+The polygon is clipped at the surface's horizon and cut into sectors of azimuth (`fan`, `sectors`), whose
+areas are exact and add up without cancelling. One of them is chosen by its area, then an azimuth in it by a
+search [peters2021], and then the squared distance from the axis uniformly between the two edges there.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ from renderer.math.vectors import Floats, combine, cross, dot
 from renderer.spherical.fan import Table, table
 from renderer.spherical.polygon import Polygon, seen_from
 
-# Lambert's sum is off by a few 1e-16 sr: to 1e-12 of itself from here on, below which the sectors are added up instead.
+# Lambert's sum is off by a few 1e-16 sr: to 1e-12 of itself from here on, below which the sectors are added
+# up instead.
 LAMBERT = 1e-3
 
 
 def projected_solid_angle(corner: Floats, others: Floats, ref_n: Floats) -> Floats:
-    """The projected solid angle (n,) of polygons above the horizon of ref_n (3, n): the irradiance per unit radiance [lambert1760].
+    """The projected solid angle (n,) of polygons above the horizon of ref_n (3, n): the irradiance per unit
+    radiance [lambert1760].
 
-    corner: (3, n), others: (3, v - 1, n) or (3, v - 1, 1): see `polygon.seen_from`. Exactly 0 in the polygon's plane and
-    where all of it is below the horizon; else of a relative error of some 1e-16 over the relative distance from the plane.
+    corner: (3, n), others: (3, v - 1, n) or (3, v - 1, 1): see `polygon.seen_from`. Exactly 0 in the
+    polygon's plane and where all of it is below the horizon; else of a relative error of some 1e-16 over the
+    relative distance from the plane.
     """
     polygon = seen_from(corner, others, ref_n)
     seen = (polygon.volume > 0).any(axis=0)
@@ -34,7 +38,9 @@ def projected_solid_angle(corner: Floats, others: Floats, ref_n: Floats) -> Floa
 
 
 def _contour(polygon: Polygon) -> Floats:
-    """Half the sum over edges of the angle that each is seen under, times the cosine of its plane's normal."""
+    """Half the sum over edges of the angle that each is seen under, times the cosine of its plane's
+    normal.
+    """
     v = polygon.base[:, None] + polygon.offset
     x, y, z = v[0], v[1], polygon.up
     total = np.zeros(z.shape[1])
@@ -50,7 +56,8 @@ def _contour(polygon: Polygon) -> Floats:
 
 
 def sample(u: Floats, corner: Floats, others: Floats, ref_n: Floats) -> tuple[Floats, Floats, Floats]:
-    """Directions wi (3, n) with pdf cos / E, the cosines (n,) and E, the projected solid angles (n,). u: (2, n) in [0, 1).
+    """Directions wi (3, n) with pdf cos / E, the cosines (n,) and E, the projected solid angles (n,). u: (2,
+    n) in [0, 1).
 
     Where E is 0 there is no direction: wi is NaN and the cosine 0.
     """
@@ -65,7 +72,9 @@ def sample(u: Floats, corner: Floats, others: Floats, ref_n: Floats) -> tuple[Fl
 
 
 def invert(wi: Floats, corner: Floats, others: Floats, ref_n: Floats) -> Floats:
-    """The u (2, n) that `sample` takes to wi (3, n), which must point to the polygon where it is above the horizon."""
+    """The u (2, n) that `sample` takes to wi (3, n), which must point to the polygon where it is above the
+    horizon.
+    """
     polygon = seen_from(corner, others, ref_n)
     parts = table(polygon)
     local = np.stack([dot(wi, axis) for axis in polygon.frame])

@@ -3,9 +3,11 @@
 The published formulas take angles as acos of nearly parallel normals and the solid angle as a difference from
 2 pi. Both lose every digit for small or edge-on lights. What is used here is the same map, rearranged:
 
-- Solid angle: two triangles, tan(O/2) = |z| lx ly / denominator [vanoosterom1983, eq. 8]. The numerator is a product,
+- Solid angle: two triangles, tan(O/2) = |z| lx ly / denominator [vanoosterom1983, eq. 8]. The numerator is a
+product,
   so a small solid angle keeps its relative accuracy: no branch, no threshold, exact 0 on the light's plane.
-- With b(y) = y / sqrt(y^2 + z^2) and c(x) = x / sqrt(x^2 + z^2), the solid angle of [0, x] x [0, y] is asin(b c), so
+- With b(y) = y / sqrt(y^2 + z^2) and c(x) = x / sqrt(x^2 + z^2), the solid angle of [0, x] x [0, y] is asin(b
+c), so
   the x that splits off a solid angle t obeys asin(b1 c) - asin(b0 c) = t, whence
   c = sin t / sqrt((b1 - b0)^2 + 4 b0 b1 sin^2(t/2)): [urena2013] without the 2 pi.
 """
@@ -16,15 +18,17 @@ import numpy as np
 
 from renderer.math.vectors import Floats
 
-# Where the closed form only starts a search: |x| / |z| beyond which it loses 1e-10, and the sr below which it loses 1e-8.
+# Where the closed form only starts a search: |x| / |z| beyond which it loses 1e-10, and the sr below which it
+# loses 1e-8.
 GRAZING, SMALL = 30.0, 1e-8
 
 
 def solid_angle(x0: Floats, x1: Floats, y0: Floats, y1: Floats, z: Floats) -> Floats:
-    """Solid angle (n,) in sr of the rectangle [x0, x1] x [y0, y1] at height z, from the origin [vanoosterom1983, eq. 8].
+    """Solid angle (n,) in sr of the rectangle [x0, x1] x [y0, y1] at height z, from the origin
+    [vanoosterom1983, eq. 8].
 
-    Relative error below 1e-14 from 1e-17 sr up to a hemisphere, except right above an edge or the diagonal, where it
-    is 1e-16 of the size over the distance (1e-8 at 1e-8 of the size); 0 at z = 0.
+    Relative error below 1e-14 from 1e-17 sr up to a hemisphere, except right above an edge or the diagonal,
+    where it is 1e-16 of the size over the distance (1e-8 at 1e-8 of the size); 0 at z = 0.
     """
     xx0, xx1, yy0, yy1, zz = x0 * x0, x1 * x1, y0 * y0, y1 * y1, z * z
     r00, r10 = np.sqrt(xx0 + yy0 + zz), np.sqrt(xx1 + yy0 + zz)
@@ -43,8 +47,9 @@ def invert(
 ) -> tuple[Floats, Floats]:
     """The point (x, y) that u (2, n) picks, uniform in solid angle. Rows with omega = 0 give NaN or an edge.
 
-    1 - c^2 loses eps (x/z)^4 of x, and t loses eps / omega of its range: beyond GRAZING and below SMALL the closed form
-    only starts a root search. Error of the solid angle left of x, relative to the whole: below 1e-7 wherever tested.
+    1 - c^2 loses eps (x/z)^4 of x, and t loses eps / omega of its range: beyond GRAZING and below SMALL the
+    closed form only starts a root search. Error of the solid angle left of x, relative to the whole: below
+    1e-7 wherever tested.
     """
     zz = z * z
     b0, b1 = y0 / np.sqrt(y0 * y0 + zz), y1 / np.sqrt(y1 * y1 + zz)
@@ -68,7 +73,8 @@ def invert(
 
 
 def _search(x: Floats, target: Floats, x0: Floats, x1: Floats, y0: Floats, y1: Floats, z: Floats) -> Floats:
-    """The x (n,) left of which lies a solid angle of target (n,): Newton's steps, halving where one leaves the bracket.
+    """The x (n,) left of which lies a solid angle of target (n,): Newton's steps, halving where one leaves
+    the bracket.
 
     A row stops when its own step no longer moves it, so that its bits do not depend on the other rows.
     """
@@ -91,7 +97,10 @@ def _search(x: Floats, target: Floats, x0: Floats, x1: Floats, y0: Floats, y1: F
 
 
 def _difference(y0: Floats, y1: Floats, b0: Floats, b1: Floats, dd: Floats) -> Floats:
-    """b1 - b0 for b = y / sqrt(y^2 + dd). Where the signs agree it is rationalised, since the difference would cancel."""
+    """b1 - b0 for b = y / sqrt(y^2 + dd).
+
+    Where the signs agree it is rationalised, since the difference would cancel.
+    """
     # b1^2 - b0^2 = dd (y1^2 - y0^2) / ((y1^2 + dd)(y0^2 + dd))
     same = b0 * b1 > 0
     total = np.where(same, b0 + b1, 1.0)

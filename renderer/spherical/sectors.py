@@ -1,23 +1,28 @@
-"""Projected solid angle, all of it in sectors of azimuth: areas that keep their digits, and the azimuth that cuts one.
+"""Projected solid angle, all of it in sectors of azimuth: areas that keep their digits, and the azimuth that
+cuts one.
 
-The triangles of a polygon above the horizon are projected to the unit disk of the surface; edges, being parts of great
-circles, become arcs of ellipses about the zenith [peters2021]. Between two azimuths lies one sector: a triangle that
-does not hold the zenith is two, one from either end of its azimuths to its middle corner, and one that does is three.
-In a sector at the angle t from its start, the corner at azimuth t = 0 where both edges meet, the tangent of an edge's
-elevation is z(t) = a cos t + s sin t: the same a for both edges, and slopes s whose difference is a quotient,
-d = V rho / (k k'), V the triple product of the triangle, rho the corner's distance from the axis and k, k' the cross
-products of the horizontal parts along the edges. The area up to t is
+The triangles of a polygon above the horizon are projected to the unit disk of the surface; edges, being parts
+of great circles, become arcs of ellipses about the zenith [peters2021]. Between two azimuths lies one sector:
+a triangle that does not hold the zenith is two, one from either end of its azimuths to its middle corner, and
+one that does is three. In a sector at the angle t from its start, the corner at azimuth t = 0 where both
+edges meet, the tangent of an edge's elevation is z(t) = a cos t + s sin t: the same a for both edges, and
+slopes s whose difference is a quotient, d = V rho / (k k'), V the triple product of the triangle, rho the
+corner's distance from the axis and k, k' the cross products of the horizontal parts along the edges. The area
+up to t is
 
   G(t) = 1/2 int_0^t 1/(1 + zo^2) - 1/(1 + zi^2) = 1/2 (atan2(To sin t, co) / To - atan2(Ti sin t, ci) / Ti)
 
 of the outer (lower) and the inner edge, T^2 = 1 + a^2 + s^2 and c = cos t + a z(t): Lambert's sum over edges
-[lambert1760], as everywhere. It cancels. With Ti - To = d q, q = (si + so) / (Ti + To), both differences have the factor d:
+[lambert1760], as everywhere. It cancels. With Ti - To = d q, q = (si + so) / (Ti + To), both differences have
+the factor d:
 
-  2 G = d q theta_o / (Ti To) + atan2(d sin t (a sin t (To - q so) - q (1 + a^2) cos t), co ci + Ti To sin^2 t) / Ti,
+  2 G = d q theta_o / (Ti To) + atan2(d sin t (a sin t (To - q so) - q (1 + a^2) cos t), co ci + Ti To sin^2
+  t) / Ti,
 
-so that thin, far, edge-on and low triangles keep their relative accuracy. What still cancels are the two terms of a
-sector that is narrow as an angle, t and t s / sqrt(1 + a^2) below NARROW: there they cost NARROW^-2 roundings, and below
-that the integral, smooth with poles no nearer than 10 lengths, is taken by 5 Gauss nodes instead, to 38^-10.
+so that thin, far, edge-on and low triangles keep their relative accuracy. What still cancels are the two
+terms of a sector that is narrow as an angle, t and t s / sqrt(1 + a^2) below NARROW: there they cost
+NARROW^-2 roundings, and below that the integral, smooth with poles no nearer than 10 lengths, is taken by 5
+Gauss nodes instead, to 38^-10.
 """
 
 from __future__ import annotations
@@ -36,10 +41,11 @@ NODES, WEIGHTS = tuple((_NODES + 1.0) / 2.0), tuple(_WEIGHTS / 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Sectors:
-    """Sectors, each field (q,). x, y: the unit direction of the start. turn: 1 where azimuth grows from there, -1 where it falls.
+    """Sectors, each field (q,). x, y: the unit direction of the start. turn: 1 where azimuth grows from
+    there, -1 where it falls.
 
-    width: the angle. start: a, the tangent of the elevation there. outer: slope of the outer edge; excess: d, what the inner has more.
-    to_zenith: 1 where there is no inner edge, else 0. narrow: whether Gauss is used.
+    width: the angle. start: a, the tangent of the elevation there. outer: slope of the outer edge; excess: d,
+    what the inner has more. to_zenith: 1 where there is no inner edge, else 0. narrow: whether Gauss is used.
     """
 
     x: Floats
@@ -57,7 +63,9 @@ class Sectors:
         return Sectors(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def tangents(self, t: Floats) -> tuple[Floats, Floats]:
-        """The tangents of the elevations of the outer and the inner edge at the angles t (q,) from the start."""
+        """The tangents of the elevations of the outer and the inner edge at the angles t (q,) from the
+        start.
+        """
         sine = np.sin(t)
         outer = np.maximum(self.start * np.cos(t) + self.outer * sine, 0.0)
         return outer, outer + self.excess * sine
@@ -71,12 +79,13 @@ class Sectors:
         return 0.5 / (1.0 + zo * zo) * np.where(self.to_zenith, 1.0, gap * (zo + zi) / (1.0 + zi * zi))
 
     def solve(self, target: Floats) -> Floats:
-        """The angles t (q,) at which G comes to target (q,): Newton's steps, halving where one leaves the bracket.
+        """The angles t (q,) at which G comes to target (q,): Newton's steps, halving where one leaves the
+        bracket.
 
-        Started by a power law that has the right area and rate at the far end. A row stops by its own numbers only, so that
-        its bits do not depend on the other rows: where G was off by no more than 1e-9 of the target before its last step,
-        or where the step was lost in the rounding of t. (Steps of 1e-8 would not do: a sliver through the zenith has all
-        its area in the last 1e-8 of its azimuths.)
+        Started by a power law that has the right area and rate at the far end. A row stops by its own numbers
+        only, so that its bits do not depend on the other rows: where G was off by no more than 1e-9 of the
+        target before its last step, or where the step was lost in the rounding of t. (Steps of 1e-8 would not
+        do: a sliver through the zenith has all its area in the last 1e-8 of its azimuths.)
         """
         whole = self.area(self.width)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -110,14 +119,20 @@ class Sectors:
         return out
 
     def direction(self, t: Floats, u: Floats) -> Floats:
-        """Unit directions (3, q) at the angles t (q,), the squared distance from the axis uniform by u (q,) from inner to outer."""
+        """Unit directions (3, q) at the angles t (q,), the squared distance from the axis uniform by u (q,)
+        from inner to outer.
+        """
         outer, inner = self._squares(t)
         rho, up = (np.sqrt((1.0 - u) * b + u * a) for a, b in zip(outer, inner, strict=True))
         sine, cosine = self.turn * np.sin(t), np.cos(t)
-        return np.stack([rho * (self.x * cosine - self.y * sine), rho * (self.y * cosine + self.x * sine), up])
+        return np.stack(
+            [rho * (self.x * cosine - self.y * sine), rho * (self.y * cosine + self.x * sine), up]
+        )
 
     def locate(self, wi: Floats) -> tuple[Floats, Floats, Floats]:
-        """The t and u (q,) of directions wi (3, q), and how far inside of the sector they are: below 0 where they are outside."""
+        """The t and u (q,) of directions wi (3, q), and how far inside of the sector they are: below 0 where
+        they are outside.
+        """
         along, across = self.x * wi[0] + self.y * wi[1], self.turn * (self.x * wi[1] - self.y * wi[0])
         t = np.arctan2(across, along)
         outer, inner = self.tangents(t)
@@ -132,7 +147,10 @@ class Sectors:
         """Squared distance from the axis, and height, of the outer and of the inner edge at the angles t."""
         zo, zi = self.tangents(t)
         so, si = zo * zo, zi * zi
-        inner, high = np.where(self.to_zenith, 0.0, 1.0 / (1.0 + si)), np.where(self.to_zenith, 1.0, si / (1.0 + si))
+        inner, high = (
+            np.where(self.to_zenith, 0.0, 1.0 / (1.0 + si)),
+            np.where(self.to_zenith, 1.0, si / (1.0 + si)),
+        )
         return (1.0 / (1.0 + so), so / (1.0 + so)), (inner, high)
 
 

@@ -1,18 +1,21 @@
-"""The spherical triangle: its solid angle, points uniform in it, and the way back. All vectors start at the reference point.
+"""The spherical triangle: its solid angle, points uniform in it, and the way back. All vectors start at the
+reference point.
 
-Two things are as published, the map of the unit square [arvo1995] and the solid angle [vanoosterom1983, eq. 8]; how they
-are computed is not. Arvo's angles of the triangle come from acos and their sum minus pi, which leaves nothing of a small
-solid angle. Here every quantity is a product or a quotient of products of the corners and edges:
+Two things are as published, the map of the unit square [arvo1995] and the solid angle [vanoosterom1983, eq.
+8]; how they are computed is not. Arvo's angles of the triangle come from acos and their sum minus pi, which
+leaves nothing of a small solid angle. Here every quantity is a product or a quotient of products of the
+corners and edges:
 
-- tan(O/2) = V / D with V the triple product of the corners and D = K (rc + ra) + e.m, where K = ra rb + a.b, e = c - a,
+- tan(O/2) = V / D with V the triple product of the corners and D = K (rc + ra) + e.m, where K = ra rb + a.b,
+e = c - a,
   m = rb a + ra b.
 - The point a + s e that cuts off a solid angle of 2 t beside the edge ab obeys s V cos t = sin t D(s), where
   D(s) = K (|a + s e| + ra) + s e.m. Squaring once leaves a linear equation:
   s = 2 K sin t (ra V cos t + sin t (a x e).(b x a)) / (P^2 - (K sin t |e|)^2), P = V cos t - sin t e.m.
 - On the arc from b to that point 1 - cos is uniform; half angles keep its digits.
 
-K cancels where a and b are nearly opposite, the point being close to the edge ab. The roles of the corners are dealt so
-that ab is no such edge: see `_dealt`.
+K cancels where a and b are nearly opposite, the point being close to the edge ab. The roles of the corners
+are dealt so that ab is no such edge: see `_dealt`.
 """
 
 from __future__ import annotations
@@ -30,7 +33,10 @@ OPPOSITE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class _Dealt:
-    """Corners in their roles: apex b, and the edge from a to c that is cut. Lengths ra, rb, rc (n,), the rest (3, n)."""
+    """Corners in their roles: apex b, and the edge from a to c that is cut.
+
+    Lengths ra, rb, rc (n,), the rest (3, n).
+    """
 
     a: Floats
     b: Floats
@@ -52,10 +58,12 @@ class _Dealt:
 
 
 def solid_angle(a: Floats, ab: Floats, ac: Floats) -> Floats:
-    """Solid angle (n,) in sr of triangles, 0 in their own plane. a: (3, n), a corner; ab, ac: (3, n) or (3, 1), its edges.
+    """Solid angle (n,) in sr of triangles, 0 in their own plane. a: (3, n), a corner; ab, ac: (3, n) or (3,
+    1), its edges.
 
     The edges are asked for, not the corners, since corner - corner would carry the rounding of the distance.
-    Relative error some 1e-16 of the size over the distance from the plane; below 1e-13 for lights of 1e-6 rad.
+    Relative error some 1e-16 of the size over the distance from the plane; below 1e-13 for lights of 1e-6
+    rad.
     """
     b, c, k = a + ab, a + ac, cross(a, ab)
     ra, rb, rc = (np.sqrt(dot(v, v)) for v in (a, b, c))
@@ -65,7 +73,8 @@ def solid_angle(a: Floats, ab: Floats, ac: Floats) -> Floats:
 
 
 def sample(u: Floats, a: Floats, ab: Floats, ac: Floats) -> tuple[Floats, Floats]:
-    """Points (3, n) of triangles, uniform in solid angle, and the solid angle (n,); u: (2, n), the rest as for `solid_angle`.
+    """Points (3, n) of triangles, uniform in solid angle, and the solid angle (n,); u: (2, n), the rest as
+    for `solid_angle`.
 
     Where the solid angle is 0 the point is one of the triangle, or NaN.
     """
@@ -87,15 +96,19 @@ def invert(wi: Floats, a: Floats, ab: Floats, ac: Floats) -> Floats:
         x = t.a + t.ac * s
         part = np.arctan2(s * t.volume, t.bend * (np.sqrt(dot(x, x)) + t.ra) + s * t.slope)
         across = t.ac * s - t.ab
-        return np.stack([part / t.half(), _versine(t.b, t.rb, across * v)[0] / _versine(t.b, t.rb, across)[0]])
+        return np.stack(
+            [part / t.half(), _versine(t.b, t.rb, across * v)[0] / _versine(t.b, t.rb, across)[0]]
+        )
 
 
 def _dealt(a: Floats, ab: Floats, ac: Floats) -> _Dealt:
-    """Deal the roles: the apex b is the nearer end of the edge seen under the widest angle; ac is cut from its nearer end.
+    """Deal the roles: the apex b is the nearer end of the edge seen under the widest angle; ac is cut from
+    its nearer end.
 
-    A point close to an edge sees it under nearly pi, and close to a corner sees that corner's edges under pi/2; cutting
-    such an edge, or cutting from a far corner towards a near one, costs 1e-16 / distance^2 (measured: 1e-4 at 1e-6).
-    Where the widest edge is within OPPOSITE of pi (as 1 + cos) it is bc whatever the distances: K would be lost.
+    A point close to an edge sees it under nearly pi, and close to a corner sees that corner's edges under
+    pi/2; cutting such an edge, or cutting from a far corner towards a near one, costs 1e-16 / distance^2
+    (measured: 1e-4 at 1e-6). Where the widest edge is within OPPOSITE of pi (as 1 + cos) it is bc whatever
+    the distances: K would be lost.
     """
     b, c = a + ab, a + ac
     ra, rb, rc = (np.sqrt(dot(v, v)) for v in (a, b, c))

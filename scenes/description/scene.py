@@ -14,138 +14,17 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.surfaces import (
-    Emission,
-    Material,
-)
-from scenes.errors import Location
+from scenes.description.lights import Light
+from scenes.description.shapes import ShapeDescription
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleMesh:
-    """Triangles; a face's normal is (p1-p0) x (p2-p0), turned round where `reverse` is set.
-
-    vertices: (m, 3) float64, world space. faces: (t, 3) int64. uv: (m, 2), or None: every face is (0,0), (1,0), (1,1), as in pbrt.
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    reverse: bool = False
-    uv: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class BilinearMesh:
-    """Planar bilinear patches, corners in pbrt's order p00 p10 p01 p11; normal (p10-p00) x (p01-p00), turned if `reverse`.
-
-    vertices: (m, 3) float64, world space. faces: (q, 4) int64. uv: (m, 2), or None: a patch's own parameters, p10 at (1, 0).
-    """
-
-    vertices: Array
-    faces: NDArray[np.int64]
-    reverse: bool = False
-    uv: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Sphere:
-    """A full sphere; its normal points outwards, inwards if `reverse`. center: (3,) float64, world space.
-
-    frame: (3, 3) float64, its columns the object's axes in world space, unit and orthogonal (left-handed under a mirror);
-    None but where a texture is laid on them.
-    """
-
-    center: Array
-    radius: float
-    reverse: bool = False
-    frame: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Disk:
-    """A full disk. center: (3,) float64; normal: (3,) float64, unit, the side it emits on (`ReverseOrientation` is already in it).
-
-    frame: as a sphere's.
-    """
-
-    center: Array
-    normal: Array
-    radius: float
-    frame: Array | None = None
-
-
-Geometry = TriangleMesh | BilinearMesh | Sphere | Disk
-
-
-@dataclass(frozen=True, eq=False)
-class ShapeDescription:
-    """One `Shape` of the scene file. `where` is for messages and no part of the content."""
-
-    geometry: Geometry
-    material: Material
-    emission: Emission | None = None
-    where: Location | None = field(default=None, metadata={"content": False})
-
-
-@dataclass(frozen=True, eq=False)
-class PointLight:
-    """position: (3,). intensity: (3,), W/sr."""
-
-    position: Array
-    intensity: Array
-    where: Location | None = field(default=None, metadata={"content": False})
-
-
-@dataclass(frozen=True, eq=False)
-class SpotLight:
-    """A point light that falls off from full at `falloff_start` to nothing at `cone` off its axis, both in degrees, by pbrt's smoothstep of the cosine.
-
-    position: (3,). axis: (3,), unit, the way it shines. intensity: (3,), W/sr, along the axis.
-    """
-
-    position: Array
-    axis: Array
-    intensity: Array
-    cone: float
-    falloff_start: float
-    where: Location | None = field(default=None, metadata={"content": False})
-
-
-@dataclass(frozen=True, eq=False)
-class DistantLight:
-    """Light from one direction. wi: (3,), unit, towards the light. irradiance: (3,), W/m^2, on a surface facing it (pbrt calls it `L`)."""
-
-    wi: Array
-    irradiance: Array
-    where: Location | None = field(default=None, metadata={"content": False})
-
-
-@dataclass(frozen=True, eq=False)
-class Environment:
-    """Light from all around, or from the half about `up` only.
-
-    radiance: (3,), W/(m^2 sr), what the image is multiplied by. image: (h, w, 3) float64 or None; mapping: how directions fall on it, "equal-area"
-    (pbrt's square octahedral map) or "latitude-longitude" (ours: first row about +z of its own space, columns by the angle from +x towards +y).
-    frame: (3, 3) float64, columns the light's own axes in world space, orthonormal (left-handed under a mirror). hemisphere: whether
-    it ends where the light's own z is 0.
-    """
-
-    radiance: Array
-    image: Array | None = None
-    mapping: str = "equal-area"
-    frame: Array = field(default_factory=lambda: np.eye(3))
-    hemisphere: bool = False
-    where: Location | None = field(default=None, metadata={"content": False})
-
-
-Light = PointLight | SpotLight | DistantLight | Environment
-
-
-@dataclass(frozen=True, eq=False)
 class PerspectiveCamera:
-    """camera_to_world: (4, 4) float64 from pbrt's left-handed camera space. fov: degrees over the shorter side of the film."""
+    """camera_to_world: (4, 4) float64 from pbrt's left-handed camera space. fov: degrees over the shorter
+    side of the film.
+    """
 
     camera_to_world: Array
     fov: float
@@ -155,7 +34,8 @@ class PerspectiveCamera:
 class PixelFilter:
     """How samples weigh by their distance from a pixel's centre, as pbrt's: "box", "triangle" or "gaussian".
 
-    xradius, yradius: in pixels, beyond which the weight is 0. sigma: the gaussian's, in pixels, of no meaning to the others.
+    xradius, yradius: in pixels, beyond which the weight is 0. sigma: the gaussian's, in pixels, of no meaning
+    to the others.
     """
 
     kind: str = "box"
@@ -176,7 +56,9 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class RenderDefaults:
-    """What the file asks of a renderer: `Sampler` and `Integrator`, defaults that a request may override; None where it says nothing."""
+    """What the file asks of a renderer: `Sampler` and `Integrator`, defaults that a request may override;
+    None where it says nothing.
+    """
 
     sampler: str = "independent"
     spp: int = 16
@@ -203,10 +85,11 @@ class SceneDescription:
     notes: tuple[str, ...] = field(default=(), metadata={"content": False})
 
     def content_hash(self) -> str:
-        """SHA-256 over all that an image depends on: every number of geometry, materials, emission, camera and film.
+        """SHA-256 over all that an image depends on: every number of geometry, materials, emission, camera
+        and film.
 
-        Assets count by content, not by name: a mesh file that was edited changes the hash. Names, comments and
-        source locations do not.
+        Assets count by content, not by name: a mesh file that was edited changes the hash. Names, comments
+        and source locations do not.
         """
         digest = hashlib.sha256()
         _feed(digest, self)

@@ -1,4 +1,6 @@
-"""How image files hold colours: their channels, their encodings, and the precision that pbrt-v4 keeps them in."""
+"""How image files hold colours: their channels, their encodings, and the precision that pbrt-v4 keeps them
+in.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ MOST_HALF = 65504.0  # the largest number of 16 bits
 
 
 def colour_planes(path: Path, names: Sequence[str], alpha: bool) -> tuple[int, ...]:
-    """The channels R, G and B by number, with A behind them if `alpha` and there is one; or the only one beside an alpha.
+    """The channels R, G and B by number, with A behind them if `alpha` and there is one; or the only one
+    beside an alpha.
 
     Upper and lower case are the same. PenumbraError naming `path` if there is neither.
     """
@@ -41,7 +44,9 @@ def checked_encoding(encoding: str) -> float | None:
     except ValueError:
         gamma = 0.0
     if not 0 < gamma < np.inf:
-        raise PenumbraError(f'unknown encoding "{encoding}"; there are: sRGB, linear, gamma with its exponent')
+        raise PenumbraError(
+            f'unknown encoding "{encoding}"; there are: sRGB, linear, gamma with its exponent'
+        )
     return gamma
 
 
@@ -62,10 +67,11 @@ def encoded(linear: Array, encoding: str) -> Array:
 
 
 def as_stored(linear: Array, storage: str, encoding: str) -> Array:
-    """Values >= 0 in the precision that pbrt-v4 keeps an image in: rounded to 8 bits of `encoding`, to half floats, or not at all.
+    """Values >= 0 in the precision that pbrt-v4 keeps an image in: rounded to 8 bits of `encoding`, to half
+    floats, or not at all.
 
-    storage: "bytes", "half" or "float". For "gamma" pbrt goes by way of a table of 1024 linear values, too coarse for the darkest bytes
-    (with gamma 2.2 those up to 10 become black); here they are rounded exactly.
+    storage: "bytes", "half" or "float". For "gamma" pbrt goes by way of a table of 1024 linear values, too
+    coarse for the darkest bytes (with gamma 2.2 those up to 10 become black); here they are rounded exactly.
     """
     if storage == "bytes":
         codes = np.floor(255.0 * encoded(np.minimum(linear, 1.0), encoding) + 0.5).astype(np.int64)

@@ -1,8 +1,9 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportMissingTypeStubs=false
 """Images in and out: EXR by channel name, PNG for the eye. The only import of OpenImageIO.
 
-Two habits of OpenImageIO are handled here and nowhere else: it reorders channels, so that channels are read by
-name; and it hands DOUBLE pixels back as float32, so that files hold float32 and exact state belongs in an .npz.
+Two habits of OpenImageIO are handled here and nowhere else: it reorders channels, so that channels are read
+by name; and it hands DOUBLE pixels back as float32, so that files hold float32 and exact state belongs in an
+.npz.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from scenes.images.png import RGBA, PngHeader, Unsound, check_png_pixels, png_he
 Array = NDArray[np.float64]
 Channels = dict[str, Array]
 
-_METADATA = "penumbra"  # one attribute holding JSON: OpenImageIO drops empty strings and cannot hold every key
+_METADATA = (
+    "penumbra"  # one attribute holding JSON: OpenImageIO drops empty strings and cannot hold every key
+)
 _RGB = ("R", "G", "B")
 TEXELS = 2**26  # of a texture: 1.6 GB as it is held
 ROWS = 256  # of a texture, decoded at a time: whole blocks of every compression of EXR
@@ -37,7 +40,9 @@ _STORAGE = {"uint8": "bytes", "half": "half"}  # what pbrt-v4 keeps such an imag
 
 @dataclass(frozen=True, eq=False)
 class ExrImage:
-    """channels: name -> (h, w) float64; metadata: what `write_exr` was given, or a foreign file's own string attributes."""
+    """channels: name -> (h, w) float64; metadata: what `write_exr` was given, or a foreign file's own string
+    attributes.
+    """
 
     channels: Channels
     metadata: dict[str, str]
@@ -57,8 +62,9 @@ class EstimateImage:
 class TextureHeader:
     """What a texture's file says before its texels are read.
 
-    planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. kind: OpenImageIO's name of
-    the format. storage: what pbrt keeps it in, "bytes", "half" or "float". chromaticities: an EXR's, x and y of R, G, B and white.
+    planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. kind:
+    OpenImageIO's name of the format. storage: what pbrt keeps it in, "bytes", "half" or "float".
+    chromaticities: an EXR's, x and y of R, G, B and white.
     """
 
     path: Path
@@ -73,9 +79,11 @@ class TextureHeader:
 
 @contextmanager
 def replacing(path: str | Path) -> Generator[Path]:
-    """A temporary name beside `path`, same suffix, that replaces `path` when the block ends well and vanishes when it does not.
+    """A temporary name beside `path`, same suffix, that replaces `path` when the block ends well and vanishes
+    when it does not.
 
-    Raises PenumbraError where the folder cannot be written. Readers see the old file or the new one, never a part.
+    Raises PenumbraError where the folder cannot be written. Readers see the old file or the new one, never a
+    part.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}{path.suffix}")
@@ -92,10 +100,11 @@ def replacing(path: str | Path) -> Generator[Path]:
 def write_exr(
     path: str | Path, channels: Mapping[str, NDArray[Any]], metadata: Mapping[str, str] | None = None
 ) -> None:
-    """Write `channels`, each (h, w), as float32 with lossless zip compression, and `metadata` (any strings), atomically.
+    """Write `channels`, each (h, w), as float32 with lossless zip compression, and `metadata` (any strings),
+    atomically.
 
-    What exceeds float32 becomes infinite, which every metric counts as non-finite. Raises PenumbraError naming the
-    path where it cannot be written, ValueError where the channels differ in shape.
+    What exceeds float32 becomes infinite, which every metric counts as non-finite. Raises PenumbraError
+    naming the path where it cannot be written, ValueError where the channels differ in shape.
     """
     pixels = _interleave(channels)
     height, width, count = pixels.shape
@@ -107,7 +116,9 @@ def write_exr(
 
 
 def read_exr(path: str | Path) -> ExrImage:
-    """Read every channel of an EXR by name; PenumbraError naming the path where it is missing, broken or no EXR."""
+    """Read every channel of an EXR by name; PenumbraError naming the path where it is missing, broken or no
+    EXR.
+    """
     path = _image_file(path)
     source = oiio.ImageInput.open(str(path))
     if source is None:
@@ -126,7 +137,9 @@ def read_exr(path: str | Path) -> ExrImage:
 
 
 def read_rgb(path: str | Path) -> Array:
-    """The channels R, G, B of an EXR as (h, w, 3) float64; PenumbraError naming what is missing and what there is."""
+    """The channels R, G, B of an EXR as (h, w, 3) float64; PenumbraError naming what is missing and what
+    there is.
+    """
     return _stack(Path(path), read_exr(path).channels, _RGB)
 
 
@@ -137,7 +150,9 @@ def write_estimate_exr(
     count: NDArray[Any] | float | int,
     metadata: Mapping[str, str] | None = None,
 ) -> None:
-    """Write an estimate: mean (h, w, 3) as R G B, variance of the mean (h, w, 3) as variance.R ..., count (h, w) or one number as N."""
+    """Write an estimate: mean (h, w, 3) as R G B, variance of the mean (h, w, 3) as variance.R ..., count (h,
+    w) or one number as N.
+    """
     channels = {name: mean[..., i] for i, name in enumerate(_RGB)}
     channels |= {f"variance.{name}": variance[..., i] for i, name in enumerate(_RGB)}
     channels["N"] = np.broadcast_to(np.asarray(count, dtype=np.float64), mean.shape[:2])
@@ -153,7 +168,9 @@ def read_estimate_exr(path: str | Path) -> EstimateImage:
 
 
 def texture_header(path: str | Path) -> TextureHeader:
-    """What an image file of any kind says of itself; PenumbraError naming the path where it is none, or too large to read."""
+    """What an image file of any kind says of itself; PenumbraError naming the path where it is none, or too
+    large to read.
+    """
     path = _image_file(path)
     try:
         png = png_header(path)
@@ -163,20 +180,25 @@ def texture_header(path: str | Path) -> TextureHeader:
         spec, kind, depth = source.spec(), str(source.format_name()), str(source.spec().format)
         if spec.width * spec.height * max(spec.nchannels, 4) > 4 * TEXELS:
             raise PenumbraError(
-                f"{path}: {spec.width} x {spec.height} texels of {spec.nchannels} channels; at most {TEXELS} of 4 are read"
+                f"{path}: {spec.width} x {spec.height} texels of {spec.nchannels} channels; at most "
+                f"{TEXELS} of 4 are read"
             )
         found = spec.getattribute("chromaticities") if kind == "openexr" else None
         storage = "half" if (kind, depth) == ("png", "uint16") else _STORAGE.get(depth, "float")
-    planes = colour_planes(path, spec.channelnames, kind == "openexr" or (png is not None and png.colour == RGBA))
+    planes = colour_planes(
+        path, spec.channelnames, kind == "openexr" or (png is not None and png.colour == RGBA)
+    )
     chromaticities = None if found is None else tuple(float(number) for number in found)
     return TextureHeader(path, spec.height, spec.width, planes, kind, storage, chromaticities, png)
 
 
 def read_texels(header: TextureHeader, encoding: str = "sRGB") -> Array:
-    """The channels of an image, (h, w, c) float64, linear, rounded to float32: one if gray, three, or four where there is an alpha.
+    """The channels of an image, (h, w, c) float64, linear, rounded to float32: one if gray, three, or four
+    where there is an alpha.
 
-    As in pbrt-v4: whole numbers are decoded, alpha with them, by `encoding` ("sRGB", "linear" or "gamma 2.2") if the file is a PNG
-    and as sRGB if not; EXR, HDR and PFM are linear as they stand; nothing is multiplied by alpha. PenumbraError naming the path.
+    As in pbrt-v4: whole numbers are decoded, alpha with them, by `encoding` ("sRGB", "linear" or "gamma 2.2")
+    if the file is a PNG and as sRGB if not; EXR, HDR and PFM are linear as they stand; nothing is multiplied
+    by alpha. PenumbraError naming the path.
     """
     path = header.path
     try:
@@ -217,7 +239,9 @@ def _texture(path: Path) -> Generator[oiio.ImageInput]:
     """The file, opened for its texels."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    config.attribute("pnm:pfmflip", 1)  # PFM begins with the last row; left to itself the reader decides now so, now so
+    config.attribute(
+        "pnm:pfmflip", 1
+    )  # PFM begins with the last row; left to itself the reader decides now so, now so
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
         raise PenumbraError(f"{path}: not a readable image: {_first_line(oiio.geterror())}")
@@ -227,7 +251,9 @@ def _texture(path: Path) -> Generator[oiio.ImageInput]:
         source.close()
 
 
-def _read_rows(source: oiio.ImageInput, spec: oiio.ImageSpec, rows: slice, end: int, kind: str) -> NDArray[Any] | None:
+def _read_rows(
+    source: oiio.ImageInput, spec: oiio.ImageSpec, rows: slice, end: int, kind: str
+) -> NDArray[Any] | None:
     """The channels before `end` of some rows as numbers of `kind`; None if they cannot be read."""
     top, bottom = spec.y + int(rows.start), spec.y + int(rows.stop)
     if not spec.tile_height:
@@ -241,14 +267,17 @@ def _image_file(path: str | Path) -> Path:
     if path.is_dir():
         raise PenumbraError(f"{path}: a folder, not an image file")
     if not path.is_file():
-        raise PenumbraError(f"{path}: {'a pipe or a device, not an' if path.exists() else 'no such'} image file")
+        raise PenumbraError(
+            f"{path}: {'a pipe or a device, not an' if path.exists() else 'no such'} image file"
+        )
     return path
 
 
 def write_png(path: str | Path, rgb: Array, exposure: float = 0.0) -> None:
     """Write linear `rgb` (h, w, 3) as an 8-bit sRGB PNG, `exposure` stops brighter.
 
-    For the eye only: values are clipped to [0, 1] after exposure, infinities with them, and a pixel with a NaN is magenta.
+    For the eye only: values are clipped to [0, 1] after exposure, infinities with them, and a pixel with a
+    NaN is magenta.
     """
     linear = np.clip(rgb * 2.0**exposure, 0.0, 1.0)
     linear = np.where(np.isnan(linear).any(axis=-1, keepdims=True), (1.0, 0.0, 1.0), linear)
@@ -260,7 +289,9 @@ def write_png(path: str | Path, rgb: Array, exposure: float = 0.0) -> None:
 def _interleave(channels: Mapping[str, NDArray[Any]]) -> NDArray[np.float32]:
     """The channels as one (h, w, c) float32 array."""
     if not channels or len({np.shape(plane) for plane in channels.values()}) != 1:
-        raise ValueError(f"channels must be (h, w) arrays of one shape, not {[np.shape(p) for p in channels.values()]}")
+        raise ValueError(
+            f"channels must be (h, w) arrays of one shape, not {[np.shape(p) for p in channels.values()]}"
+        )
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(np.stack(list(channels.values()), axis=-1).astype(np.float32))
 
@@ -274,7 +305,8 @@ def _write(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
             raise PenumbraError(f"{path}: cannot be written: {_first_line(oiio.geterror())}")
         if not (target.open(str(temporary), spec) and target.write_image(pixels) and target.close()):
             raise PenumbraError(
-                f"{path}: cannot be written: {_first_line(target.geterror()).replace(str(temporary), path.name)}"
+                f"{path}: cannot be written: "
+                f"{_first_line(target.geterror()).replace(str(temporary), path.name)}"
             )
 
 

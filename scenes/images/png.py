@@ -1,6 +1,7 @@
 """Whether a PNG file is sound, said in one line.
 
-libpng writes an error of its own to the standard error stream before it returns one. So what it would stumble over is found first.
+libpng writes an error of its own to the standard error stream before it returns one. So what it would stumble
+over is found first.
 """
 
 from __future__ import annotations
@@ -50,7 +51,9 @@ def png_header(path: Path) -> PngHeader | None:
             if header is None:
                 header = _header(data)
             elif kind == b"PLTE":
-                if header.colour == 3 and (palette or len(data) % 3 or not 3 <= len(data) <= 3 << header.depth):
+                if header.colour == 3 and (
+                    palette or len(data) % 3 or not 3 <= len(data) <= 3 << header.depth
+                ):
                     raise Unsound("its palette is broken")
                 palette = True
             elif kind == b"IDAT":
@@ -83,7 +86,9 @@ def check_png_pixels(path: Path, header: PngHeader) -> None:
 
 
 def _check_filters(piece: NDArray[np.uint8], start: int, rows: list[tuple[int, int]]) -> None:
-    """Unsound if a row in this piece of the pixels, which begins at byte `start` of them, has none of the five filters."""
+    """Unsound if a row in this piece of the pixels, which begins at byte `start` of them, has none of the
+    five filters.
+    """
     begin = -start  # of the pass, in the piece
     for count, stride in rows:
         end = begin + count * stride
@@ -131,6 +136,16 @@ def _rows(header: PngHeader) -> list[tuple[int, int]]:
     bits = header.depth * _SAMPLES[header.colour]
     if not header.interlaced:
         return [(header.height, 1 + (header.width * bits + 7) // 8)]
-    passes = [(0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2)]
-    sizes = [((header.width - x + dx - 1) // dx, (header.height - y + dy - 1) // dy) for x, y, dx, dy in passes]
+    passes = [
+        (0, 0, 8, 8),
+        (4, 0, 8, 8),
+        (0, 4, 4, 8),
+        (2, 0, 4, 4),
+        (0, 2, 2, 4),
+        (1, 0, 2, 2),
+        (0, 1, 1, 2),
+    ]
+    sizes = [
+        ((header.width - x + dx - 1) // dx, (header.height - y + dy - 1) // dy) for x, y, dx, dy in passes
+    ]
     return [(rows, 1 + (columns * bits + 7) // 8) for columns, rows in sizes if columns > 0 and rows > 0]

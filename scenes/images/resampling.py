@@ -1,6 +1,7 @@
 """Textures resized to powers of two, as pbrt-v4 resizes them before any look-up [pharr2023, section B.5].
 
-There: `Image::GeneratePyramid`, `Image::FloatResizeUp` and `Image::ResampleWeights`. Environments and images on lights are not resized.
+There: `Image::GeneratePyramid`, `Image::FloatResizeUp` and `Image::ResampleWeights`. Environments and images
+on lights are not resized.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ def rounded_up(size: int) -> int:
 
 
 def weights(old: int, new: int) -> tuple[Index, Array]:
-    """For each of `new` texels along one side: the first of the 4 old ones that it is made of, (new,), and their weights, (new, 4).
+    """For each of `new` texels along one side: the first of the 4 old ones that it is made of, (new,), and
+    their weights, (new, 4).
 
-    Lanczos' windowed sinc over the distance between the centres, in old texels, normalised to a sum of 1. The first index may be
-    negative and the last beyond the side: those are the texels around the image. At a distance of exactly 2 the weight is 0
-    whichever of two texels is counted as the first, so that rounding of the centre decides nothing. Only upwards: new >= old.
+    Lanczos' windowed sinc over the distance between the centres, in old texels, normalised to a sum of 1. The
+    first index may be negative and the last beyond the side: those are the texels around the image. At a
+    distance of exactly 2 the weight is 0 whichever of two texels is counted as the first, so that rounding of
+    the centre decides nothing. Only upwards: new >= old.
     """
     centre = (np.arange(new) + 0.5) * (old / new)
     first = np.floor(centre - RADIUS + 0.5)
@@ -40,9 +43,10 @@ def weights(old: int, new: int) -> tuple[Index, Array]:
 def resized(image: Array, wrap: str, stored: Callable[[Array], Array]) -> Array:
     """`image` (h, w, c) with both sides the next powers of two; the very same array if they are that already.
 
-    wrap: what lies around it, "repeat", "clamp" or "black". stored: gives some rows the precision of the result. Sums below 0, which
-    the filter's negative lobes make beside bright texels, become 0, as in pbrt. A side that is a power of two is left alone (pbrt's
-    weights are 0 and 1 there but for rounding). With "black" what lies outside counts as 0; pbrt-v4 itself stops on such an image.
+    wrap: what lies around it, "repeat", "clamp" or "black". stored: gives some rows the precision of the
+    result. Sums below 0, which the filter's negative lobes make beside bright texels, become 0, as in pbrt. A
+    side that is a power of two is left alone (pbrt's weights are 0 and 1 there but for rounding). With
+    "black" what lies outside counts as 0; pbrt-v4 itself stops on such an image.
     """
     height, width, channels = image.shape
     tall, wide = rounded_up(height), rounded_up(width)

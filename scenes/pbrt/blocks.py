@@ -1,4 +1,6 @@
-"""The nesting of a scene file: attribute blocks, objects and imported files, each of which gives the state back as it was."""
+"""The nesting of a scene file: attribute blocks, objects and imported files, each of which gives the state
+back as it was.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ class Blocks:
         self._open.append(_Block(self._builder.state, token))
 
     def end(self, token: Token) -> None:
-        """Restore the state that the innermost block saved; SceneError where `token` does not close that kind."""
+        """Restore the state that the innermost block saved; SceneError where `token` does not close that
+        kind.
+        """
         opener = OPENED_BY[token.text]
         if not self._open or self._open[-1].name == "Import":
             raise SceneError(f"{token} without {opener}", token.where)
@@ -49,7 +53,9 @@ class Blocks:
         self._builder.state = self._open.pop().state
 
     def end_import(self, token: Token) -> None:
-        """The end of an imported file: its blocks must be closed, and its state does not reach the file that imports it."""
+        """The end of an imported file: its blocks must be closed, and its state does not reach the file that
+        imports it.
+        """
         block = self._open[-1]
         if block.token is not token:
             raise SceneError(_unclosed(block.token), block.token.where)

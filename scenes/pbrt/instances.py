@@ -1,6 +1,7 @@
 """`ObjectInstance`s written out: every instance in world space, those of one material as one mesh.
 
-Nothing is shared between instances, so their number is bounded; but a thousand trees are two shapes, not a thousand.
+Nothing is shared between instances, so their number is bounded; but a thousand trees are two shapes, not a
+thousand.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
 from scenes.errors import Location, Report, SceneError
 from scenes.pbrt.directives.shapes import moved_disk, moved_sphere, range_problem
 from scenes.pbrt.state import InstanceUse, MaterialUse, PlacedShape
@@ -52,7 +53,9 @@ class _Pool:
 def written_out(
     uses: Sequence[InstanceUse], objects: Mapping[str, Sequence[PlacedShape]], report: Report
 ) -> Iterable[PlacedShape]:
-    """All instances as shapes of the world; SceneError for an unknown object, for too much, and for what leaves the range of coordinates."""
+    """All instances as shapes of the world; SceneError for an unknown object, for too much, and for what
+    leaves the range of coordinates.
+    """
     _check_size(uses, objects)
     pools: dict[tuple[object, ...], _Pool] = {}
     single: list[PlacedShape] = []
@@ -80,12 +83,17 @@ def _check_size(uses: Sequence[InstanceUse], objects: Mapping[str, Sequence[Plac
     faces = singles = 0
     for use in uses:
         if use.name not in sizes:
-            raise SceneError(f"no object is called {use.name!r}; there are: {', '.join(objects) or 'none'}", use.where)
+            raise SceneError(
+                f"no object is called {use.name!r}; there are: {', '.join(objects) or 'none'}", use.where
+            )
         faces += sum(sizes[use.name])
         singles += sizes[use.name].count(0)
         if faces > FACES or singles > SINGLES:
             raise SceneError(
-                f"the instances have more than {FACES:,} faces or {SINGLES:,} spheres and disks in all: that is too much to write out",
+                (
+                    f"the instances have more than {FACES:,} faces or {SINGLES:,} spheres and disks in all: "
+                    "that is too much to write out"
+                ),
                 use.where,
             )
 
@@ -94,10 +102,14 @@ def _faces(geometry: Geometry) -> int:
     return len(geometry.faces) if isinstance(geometry, TriangleMesh | BilinearMesh) else 0
 
 
-def _moved(geometry: Sphere | Disk, shape: PlacedShape, use: InstanceUse, report: Report) -> list[PlacedShape]:
+def _moved(
+    geometry: Sphere | Disk, shape: PlacedShape, use: InstanceUse, report: Report
+) -> list[PlacedShape]:
     moved = _quadric(geometry, use.transform)
     if moved is None:
-        report.add("the instance stretches a sphere or a disk; ellipsoids and ellipses are not supported", use.where)
+        report.add(
+            "the instance stretches a sphere or a disk; ellipsoids and ellipses are not supported", use.where
+        )
         return []
     return [PlacedShape(moved, shape.material, None, use.where)]
 

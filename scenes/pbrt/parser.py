@@ -1,13 +1,15 @@
 """pbrt-v4 text to a frozen `SceneDescription`.
 
-Every directive of the format is read. What is simulated: direct light and ambient occlusion; shapes trianglemesh, plymesh,
-bilinearmesh (planar), sphere and disk (whole); objects and their instances; lights infinite, distant, point, spot and
-diffuse area lights; materials diffuse and conductor (rough); textures constant, scale, mix, checkerboard and imagemap on a
-diffuse reflectance; pixel filters box, triangle and gaussian. A file that asks for anything else is refused with one
-message that lists all such places; what is malformed is an error at once, at its place.
+Every directive of the format is read. What is simulated: direct light and ambient occlusion; shapes
+trianglemesh, plymesh, bilinearmesh (planar), sphere and disk (whole); objects and their instances; lights
+infinite, distant, point, spot and diffuse area lights; materials diffuse and conductor (rough); textures
+constant, scale, mix, checkerboard and imagemap on a diffuse reflectance; pixel filters box, triangle and
+gaussian. A file that asks for anything else is refused with one message that lists all such places; what is
+malformed is an error at once, at its place.
 
-Where a file says nothing, pbrt's defaults hold: its camera, its film, its gaussian filter of 1.5 pixels. Two are ours: without an
-`Integrator` it is direct light (pbrt's would go on for five bounces), without a `Sampler` independent samples (pbrt's are zsobol).
+Where a file says nothing, pbrt's defaults hold: its camera, its film, its gaussian filter of 1.5 pixels. Two
+are ours: without an `Integrator` it is direct light (pbrt's would go on for five bounces), without a
+`Sampler` independent samples (pbrt's are zsobol).
 """
 
 from __future__ import annotations
@@ -17,18 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.description import (
-    BilinearMesh,
-    Conductor,
-    Diffuse,
-    Disk,
-    Geometry,
-    Material,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-)
+from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, Geometry, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 from scenes.files import Files
 from scenes.pbrt.directives.emission import lit
@@ -41,7 +34,9 @@ from scenes.pbrt.state import Builder, PlacedShape
 from scenes.pbrt.text.lexer import Source, decode, read_source
 from scenes.pbrt.text.template import Bindings, Values, read_header
 
-NO_INTEGRATOR = "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
+NO_INTEGRATOR = (
+    "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
+)
 
 
 def parse_file(
@@ -49,8 +44,8 @@ def parse_file(
 ) -> SceneDescription:
     """Read a .pbrt file; SceneError or PenumbraError for whatever is wrong with it.
 
-    parameters: values for the template's `$name`s. name: of the scene, by default the file's without extension.
-    allow_outside: whether files that the scene names may lie outside its own folder.
+    parameters: values for the template's `$name`s. name: of the scene, by default the file's without
+    extension. allow_outside: whether files that the scene names may lie outside its own folder.
     """
     return parse_source(read_source(path), parameters, name or path.stem, allow_outside)
 
@@ -63,7 +58,9 @@ def parse(
     return parse_source(source, parameters, Path(file).stem, allow_outside)
 
 
-def parse_source(source: Source, parameters: Values | None, name: str, allow_outside: bool = False) -> SceneDescription:
+def parse_source(
+    source: Source, parameters: Values | None, name: str, allow_outside: bool = False
+) -> SceneDescription:
     """Parse a text that has been read."""
     header = read_header(source)
     bindings = Bindings(header, parameters or {})
@@ -72,7 +69,9 @@ def parse_source(source: Source, parameters: Values | None, name: str, allow_out
         reader.run()
         with np.errstate(all="ignore"):
             scene = _described(reader.builder, name, tuple(bindings.values.items()))
-    except SceneError as error:  # of what is malformed: what was found to be unsupported up to there is told with it
+    except (
+        SceneError
+    ) as error:  # of what is malformed: what was found to be unsupported up to there is told with it
         raise reader.builder.report.behind(error) from None
     bindings.check_used()
     return scene
@@ -105,7 +104,10 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     if placed.light is None:
         return [ShapeDescription(_trimmed(placed.geometry, textured), material, None, placed.where)]
     parts = lit(placed.geometry, placed.light, placed.where, builder.report)
-    return [ShapeDescription(_trimmed(part, textured), material, emission, placed.where) for part, emission in parts]
+    return [
+        ShapeDescription(_trimmed(part, textured), material, emission, placed.where)
+        for part, emission in parts
+    ]
 
 
 def _textured(material: Material) -> bool:

@@ -25,7 +25,10 @@ from scenes.pbrt.transforms import ARGUMENTS, apply_directive, identity
 
 
 class Reader:
-    """Fills a `Builder` from the text. What is not supported goes to the builder's report, and reading goes on."""
+    """Fills a `Builder` from the text.
+
+    What is not supported goes to the builder's report, and reading goes on.
+    """
 
     def __init__(self, source: Source, header: Header, bindings: Bindings, files: Files) -> None:
         self.builder = Builder()
@@ -97,7 +100,9 @@ class Reader:
         if name in ARGUMENTS:
             numbers = self._syntax.numbers(token, ARGUMENTS[name])
             state = self.builder.state
-            self.builder.state = replace(state, transform=apply_directive(name, numbers, state.transform, token.where))
+            self.builder.state = replace(
+                state, transform=apply_directive(name, numbers, state.transform, token.where)
+            )
         elif name in self._words:
             self._words[name](token)
         elif name in OPTIONS:
@@ -109,7 +114,9 @@ class Reader:
             self._parametrised(token)
         else:
             known = [*ARGUMENTS, *self._words, *self._world_words, *OPTIONS, *WORLD, *ANYWHERE]
-            raise SceneError(f"unknown directive {_short(name)!r}; there are: {', '.join(sorted(known))}", token.where)
+            raise SceneError(
+                f"unknown directive {_short(name)!r}; there are: {', '.join(sorted(known))}", token.where
+            )
 
     def _parametrised(self, token: Token) -> None:
         if token.text in WORLD:
@@ -157,7 +164,9 @@ class Reader:
 
     def _texture(self, token: Token) -> None:
         name, type_, kind = (self._syntax.string(token) for _ in range(3))
-        parameters: Parameters = self._syntax.parameters(token, self.builder.state.attributes.get("texture", ()))
+        parameters: Parameters = self._syntax.parameters(
+            token, self.builder.state.attributes.get("texture", ())
+        )
         try:
             declare(self.builder, name, type_, token.where)
         except SceneError as problem:
@@ -166,7 +175,9 @@ class Reader:
         make = partial(self._mean, parameters, lambda: texture(self.builder, name, type_, kind, parameters))
         if kind == "imagemap":
             make()
-        else:  # pbrt makes images first, then numbers, then colours, so that a texture may name one that comes behind it
+        # pbrt makes images first, then numbers, then colours, so that a texture may name one that comes
+        # behind it
+        else:
             self._late[type_].append(partial(self._attempt, token, make))
 
     def _import(self, token: Token) -> None:
@@ -190,8 +201,12 @@ class Reader:
         name = self._syntax.string(token)
         if name.lower() not in SPACES:
             if name.lower() not in OTHER_SPACES:
-                raise SceneError(f"no colour space is called {name!r}; there are: {', '.join(SPACES)}", token.where)
-            raise Unsupported(f'ColorSpace "{name}" is not supported; supported: {", ".join(SPACES)}', token.where)
+                raise SceneError(
+                    f"no colour space is called {name!r}; there are: {', '.join(SPACES)}", token.where
+                )
+            raise Unsupported(
+                f'ColorSpace "{name}" is not supported; supported: {", ".join(SPACES)}', token.where
+            )
         self.builder.state = replace(self.builder.state, space=name.lower())
 
     def _attribute(self, token: Token) -> None:
@@ -222,7 +237,9 @@ class Reader:
     def _active_transform(self, token: Token) -> None:
         which = self._syntax.word(token, "All, StartTime or EndTime")
         if which not in ("All", "StartTime", "EndTime"):
-            raise SceneError(f"ActiveTransform is All, StartTime or EndTime, not {_short(which)!r}", token.where)
+            raise SceneError(
+                f"ActiveTransform is All, StartTime or EndTime, not {_short(which)!r}", token.where
+            )
         if which != "All":
             raise Unsupported(f"ActiveTransform {which} is not supported: nothing moves", token.where)
 

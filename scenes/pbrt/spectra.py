@@ -1,7 +1,7 @@
 """Colours as a scene file gives them: `rgb`, `blackbody`, and `spectrum` by pairs, by name or by file.
 
-Light is normalised as pbrt-v4 does it: `rgb L [1 2 3]` reads 1, 2, 3 in the image, and any other spectrum has luminance 1
-before `scale` and `power` are applied.
+Light is normalised as pbrt-v4 does it: `rgb L [1 2 3]` reads 1, 2, 3 in the image, and any other spectrum has
+luminance 1 before `scale` and `power` are applied.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB
 
 
 def colour(parameters: Parameters, name: str, role: Role) -> Array | None:
-    """One colour, (3,) float64 of linear sRGB, None if not given; SceneError if a component is negative or too large for its role."""
+    """One colour, (3,) float64 of linear sRGB, None if not given; SceneError if a component is negative or
+    too large for its role.
+    """
     parameter = parameters.take(name, "rgb", "spectrum", "blackbody")
     return None if parameter is None else colour_of(parameters, parameter, role)
 
@@ -65,9 +67,13 @@ def _blackbody(parameters: Parameters, parameter: Parameter) -> Array:
 
     values = parameters.values(parameter)
     if len(values) != 1:
-        raise SceneError(f"{parameter} takes one temperature in kelvin, not {len(values)} numbers", parameter.where)
+        raise SceneError(
+            f"{parameter} takes one temperature in kelvin, not {len(values)} numbers", parameter.where
+        )
     if not values[0] > 0:
-        raise SceneError(f"{parameter}: a temperature is positive, in kelvin, not {values[0]:g}", parameter.where)
+        raise SceneError(
+            f"{parameter}: a temperature is positive, in kelvin, not {values[0]:g}", parameter.where
+        )
     return color.blackbody(float(values[0]))
 
 
@@ -97,7 +103,9 @@ def _is_file(token: Token) -> bool:
 
 
 def samples(parameters: Parameters, parameter: Parameter) -> tuple[Array, Array]:
-    """The wavelengths, in nm and increasing, and the values of a `spectrum` that lists them or names a file: (m,) each."""
+    """The wavelengths, in nm and increasing, and the values of a `spectrum` that lists them or names a file:
+    (m,) each.
+    """
     first = next(iter(parameter.values), None)
     if first is not None and _is_file(first) and len(parameter.values) == 1:
         return _pairs(_file(parameters, first), parameter)
@@ -107,7 +115,8 @@ def samples(parameters: Parameters, parameter: Parameter) -> tuple[Array, Array]
 def _pairs(numbers: Array, parameter: Parameter) -> tuple[Array, Array]:
     if len(numbers) % 2 or len(numbers) < 4:
         raise SceneError(
-            f"{parameter} takes two or more pairs of wavelength and value, not {len(numbers)} numbers", parameter.where
+            f"{parameter} takes two or more pairs of wavelength and value, not {len(numbers)} numbers",
+            parameter.where,
         )
     wavelengths, values = numbers[0::2].copy(), numbers[1::2].copy()
     if not np.all(np.diff(wavelengths) > 0):

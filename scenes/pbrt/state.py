@@ -8,18 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import (
-    Diffuse,
-    Emission,
-    Film,
-    Geometry,
-    Light,
-    Material,
-    PerspectiveCamera,
-    PixelFilter,
-    RenderDefaults,
-    Texture,
-)
+from scenes.description.lights import Light
+from scenes.description.materials import Diffuse, Material
+from scenes.description.scene import Film, PerspectiveCamera, PixelFilter, RenderDefaults
+from scenes.description.shapes import Emission, Geometry
+from scenes.description.textures import Texture
 from scenes.errors import Location, Report, SceneError, Unsupported
 from scenes.pbrt.text.parameters import SRGB, Parameter, Parameters
 from scenes.pbrt.transforms import Transform, identity
@@ -44,7 +37,9 @@ class NamedMaterial:
 
 @dataclass(frozen=True)
 class TexturedDiffuse:
-    """A diffuse material whose reflectance is the spectrum texture of this name; resolved like `NamedMaterial`."""
+    """A diffuse material whose reflectance is the spectrum texture of this name; resolved like
+    `NamedMaterial`.
+    """
 
     texture: str
     where: Location
@@ -55,7 +50,9 @@ MaterialUse = Material | TexturedDiffuse | NamedMaterial
 
 @dataclass(frozen=True, eq=False)
 class AreaLight:
-    """`AreaLightSource`. emission: what it is but for `power`, which is in W, None if not given, and spread over each shape."""
+    """`AreaLightSource`. emission: what it is but for `power`, which is in W, None if not given, and spread
+    over each shape.
+    """
 
     emission: Emission
     power: float | None
@@ -64,7 +61,9 @@ class AreaLight:
 
 @dataclass(frozen=True, eq=False)
 class GraphicsState:
-    """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its target. space: of `rgb`."""
+    """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its
+    target. space: of `rgb`.
+    """
 
     transform: Transform = field(default_factory=identity)
     reverse: bool = False
@@ -76,7 +75,9 @@ class GraphicsState:
 
 @dataclass(frozen=True, eq=False)
 class PlacedShape:
-    """A shape of the file, in world space or in the space of its object, with the state that it was given in."""
+    """A shape of the file, in world space or in the space of its object, with the state that it was given
+    in.
+    """
 
     geometry: Geometry
     material: MaterialUse
@@ -95,7 +96,8 @@ class InstanceUse:
 
 @dataclass(frozen=True, eq=False)
 class NamedTexture:
-    """A texture by its name; value is None where it is not supported, which the report then says. size: its nodes.
+    """A texture by its name; value is None where it is not supported, which the report then says. size: its
+    nodes.
 
     plain: whether pbrt takes it for a constant.
     """
@@ -107,7 +109,8 @@ class NamedTexture:
 
 @dataclass(eq=False)
 class Builder:
-    """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name. texels: of all images.
+    """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name.
+    texels: of all images.
 
     without_lights: where `Integrator` says that lights are not to be sampled.
     """
@@ -150,7 +153,9 @@ def refuse_kind(kind: str, supported: str, parameters: Parameters) -> None:
     """`Unsupported` unless `kind` is one of the words of `supported`."""
     if kind not in supported.split():
         allowed = ", ".join(f'"{name}"' for name in supported.split())
-        raise Unsupported(f'{parameters.owner} "{kind}" is not supported; supported: {allowed}', parameters.where)
+        raise Unsupported(
+            f'{parameters.owner} "{kind}" is not supported; supported: {allowed}', parameters.where
+        )
 
 
 def must_be(

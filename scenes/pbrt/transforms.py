@@ -54,7 +54,8 @@ class Transform:
 
 
 def _product(a: Array, b: Array) -> Array:
-    # Not `@`: BLAS may fuse multiplications and additions, and then a scene's hash would depend on the machine.
+    # Not `@`: BLAS may fuse multiplications and additions, and then a scene's hash would depend on the
+    # machine.
     return (a[:, :, None] * b[None, :, :]).sum(axis=1)
 
 
@@ -79,7 +80,9 @@ def scale(x: float, y: float, z: float) -> Transform:
 
 
 def rotate(degrees: float, x: float, y: float, z: float) -> Transform:
-    """Right-handed rotation about the axis (x, y, z), exact at multiples of 90 degrees; ValueError if there is no axis."""
+    """Right-handed rotation about the axis (x, y, z), exact at multiples of 90 degrees; ValueError if there
+    is no axis.
+    """
     axis = unit(np.array([x, y, z]))
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     turn = math.fmod(degrees, 360.0)  # exact, where those below lose a large angle
@@ -108,7 +111,9 @@ def look_at(eye: Array, target: Array, up: Array) -> Transform:
 
 
 def from_matrix(values: Sequence[float]) -> Transform:
-    """The matrix of `Transform` and `ConcatTransform`: 16 numbers, column after column; ValueError if not invertible."""
+    """The matrix of `Transform` and `ConcatTransform`: 16 numbers, column after column; ValueError if not
+    invertible.
+    """
     matrix = np.array(values).reshape(4, 4).T + 0.0
     if np.any(matrix[3, :3]):
         raise Unsupported(
@@ -131,7 +136,10 @@ def from_matrix(values: Sequence[float]) -> Transform:
 
 
 def unit(v: Array) -> Array:
-    """(3,) scaled to length 1; what has that length up to rounding is left as it is. ValueError for the zero vector."""
+    """(3,) scaled to length 1; what has that length up to rounding is left as it is.
+
+    ValueError for the zero vector.
+    """
     largest = np.abs(v).max()
     if largest == 0:
         raise ValueError("a direction must not be the zero vector")
@@ -142,7 +150,9 @@ def unit(v: Array) -> Array:
 
 
 def uniform_scale(columns: Array) -> float | None:
-    """The factor by which orthogonal columns of one length, (3, k), scale; None where they stretch or shear."""
+    """The factor by which orthogonal columns of one length, (3, k), scale; None where they stretch or
+    shear.
+    """
     lengths = np.linalg.norm(columns, axis=0)
     factor = float(lengths.mean())
     gram = (columns / factor).T @ (columns / factor)
@@ -152,7 +162,9 @@ def uniform_scale(columns: Array) -> float | None:
 
 
 def rigid(transform: Transform) -> Array | None:
-    """Camera to world of a camera's CTM, its uniform scale and rounding taken out: (4, 4); None where it stretches."""
+    """Camera to world of a camera's CTM, its uniform scale and rounding taken out: (4, 4); None where it
+    stretches.
+    """
     matrix = transform.inverse.copy()
     axes = orthonormal(matrix[:3, :3])
     if axes is None:
@@ -162,7 +174,9 @@ def rigid(transform: Transform) -> Array | None:
 
 
 def orthonormal(linear: Array) -> Array | None:
-    """Orthogonal columns of one length, (3, 3), made orthonormal; to the bit as they are where they are it up to rounding. None where they stretch."""
+    """Orthogonal columns of one length, (3, 3), made orthonormal; to the bit as they are where they are it up
+    to rounding. None where they stretch.
+    """
     if uniform_scale(linear) is None:
         return None
     if np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:
@@ -184,7 +198,9 @@ ARGUMENTS = {name: count for name, (count, _) in _MAKERS.items()}
 
 
 def apply_directive(name: str, values: Sequence[float], current: Transform, where: Location) -> Transform:
-    """The current transformation after directive `name` with its numbers; SceneError where there is no inverse."""
+    """The current transformation after directive `name` with its numbers; SceneError where there is no
+    inverse.
+    """
     with np.errstate(all="ignore"):
         try:
             made = _MAKERS[name][1](*values)
@@ -194,6 +210,7 @@ def apply_directive(name: str, values: Sequence[float], current: Transform, wher
         for matrix in (result.matrix, result.inverse):
             if not np.all(np.abs(matrix) <= COORDINATE_LIMIT):
                 raise SceneError(
-                    f"{name}: it, or its inverse, is beyond {COORDINATE_LIMIT:g}, the range of coordinates", where
+                    f"{name}: it, or its inverse, is beyond {COORDINATE_LIMIT:g}, the range of coordinates",
+                    where,
                 )
     return result

@@ -8,7 +8,8 @@
     property list uchar int corners       a column of lists: the type of their lengths, and of their items
     end_header                            the rows follow, element by element
 
-As rply, pbrt's reader, has it: what it does not know is an error, and of two properties of one name the first one counts.
+As rply, pbrt's reader, has it: what it does not know is an error, and of two properties of one name the first
+one counts.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from typing import Any
 import numpy as np
 
 TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",  # noqa: E501
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",  # noqa: E501
 }  # fmt: skip
 FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 HEADER_LIMIT = 2**16  # bytes
@@ -37,7 +38,9 @@ class PlyError(Exception):
 
 @dataclass(frozen=True)
 class Property:
-    """A column. type: as declared, held: as it lies in the content; length: as the lengths of lists lie there, None if it has none."""
+    """A column. type: as declared, held: as it lies in the content; length: as the lengths of lists lie
+    there, None if it has none.
+    """
 
     name: str
     type: np.dtype[Any]
@@ -63,7 +66,9 @@ class Element:
         return next((column for name in names for column in self.properties if column.name == name), None)
 
     def offset(self, stop: Property | None, lengths: tuple[int, ...]) -> int:
-        """Bytes from a row's start to the value or the first list item of `stop`, None: to the row's end. lengths: of its lists."""
+        """Bytes from a row's start to the value or the first list item of `stop`, None: to the row's end.
+        lengths: of its lists.
+        """
         at, left = 0, iter(lengths)
         for column in self.properties:
             at += column.length.itemsize if column.length is not None else 0
@@ -86,33 +91,52 @@ class Header:
         return next((element for element in self.elements if element.name == name), None)
 
     def least(self) -> int:
-        """Bytes that the content has at least: all lists empty; in ASCII, one digit a word and one space between two."""
-        size = sum(element.count * element.offset(None, (0,) * len(element.lists)) for element in self.elements)
+        """Bytes that the content has at least: all lists empty; in ASCII, one digit a word and one space
+        between two.
+        """
+        size = sum(
+            element.count * element.offset(None, (0,) * len(element.lists)) for element in self.elements
+        )
         return max(2 * (size // WORD) - 1, 0) if self.ascii else size
 
     def most(self, corners: int) -> int | None:
-        """Bytes that the content has at most if no list is longer than `corners`; None if text or further lists leave that open."""
+        """Bytes that the content has at most if no list is longer than `corners`; None if text or further
+        lists leave that open.
+        """
         if self.ascii or any(element.lists for element in self.elements if element.name != "face"):
             return None
         if any(len(element.lists) > 1 for element in self.elements):
             return None
-        return sum(element.count * element.offset(None, (corners,) * len(element.lists)) for element in self.elements)
+        return sum(
+            element.count * element.offset(None, (corners,) * len(element.lists)) for element in self.elements
+        )
 
 
 def parse_header(data: bytes) -> Header:
-    """The header at the start of `data`, which holds HEADER_LIMIT bytes of the file or all of it. PlyError if it is none."""
+    """The header at the start of `data`, which holds HEADER_LIMIT bytes of the file or all of it.
+
+    PlyError if it is none.
+    """
     magic = _MAGIC.match(data)
     if magic is None:
         raise PlyError("is no PLY file: its first line is not 'ply'")
     # One kind of line end, that of the first line: content may begin with the byte of another.
-    end = re.compile(rb"[\r\n][ \t]*end_header[ \t\r]*?" + magic[1]).search(data, magic.end(1) - 1, HEADER_LIMIT)
+    end = re.compile(rb"[\r\n][ \t]*end_header[ \t\r]*?" + magic[1]).search(
+        data, magic.end(1) - 1, HEADER_LIMIT
+    )
     if end is None:
-        raise PlyError(f"is no PLY file that can be read: no 'end_header' in its first {HEADER_LIMIT >> 10} KiB")
-    lines = [line.split() for line in re.split(r"\r\n|\n|\r", data[magic.end() : end.start()].decode("latin-1"))]
+        raise PlyError(
+            f"is no PLY file that can be read: no 'end_header' in its first {HEADER_LIMIT >> 10} KiB"
+        )
+    lines = [
+        line.split() for line in re.split(r"\r\n|\n|\r", data[magic.end() : end.start()].decode("latin-1"))
+    ]
     lines = [line for line in lines if line and line[0] not in ("comment", "obj_info")]
     formats = [line for line in lines if line[0] == "format"]
     if len(formats) != 1 or formats[0][1:] not in [[name, "1.0"] for name in FORMATS]:
-        raise PlyError(f"is no PLY file that can be read: its format must be one of {', '.join(FORMATS)}, and 1.0")
+        raise PlyError(
+            f"is no PLY file that can be read: its format must be one of {', '.join(FORMATS)}, and 1.0"
+        )
     elements = _elements([line for line in lines if line[0] != "format"], formats[0][1])
     return Header(formats[0][1] == "ascii", elements, end.end())
 
@@ -134,9 +158,13 @@ def _elements(lines: list[list[str]], encoding: str) -> tuple[Element, ...]:
     names = [element.name for element in elements]
     for element in elements:
         if names.count(element.name) > 1:
-            raise PlyError(f"is no PLY file that can be read: it declares the element {element.name[:40]!r} twice")
+            raise PlyError(
+                f"is no PLY file that can be read: it declares the element {element.name[:40]!r} twice"
+            )
         if element.count > ROW_LIMIT:
-            raise PlyError(f"declares {element.count} rows of {element.name[:40]!r}: no more than {ROW_LIMIT} are read")
+            raise PlyError(
+                f"declares {element.count} rows of {element.name[:40]!r}: no more than {ROW_LIMIT} are read"
+            )
     return tuple(elements)
 
 

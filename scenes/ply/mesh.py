@@ -1,10 +1,12 @@
 """Mesh files: vertices and faces of PLY files, as they stand in the file.
 
-No vertex is merged, moved or reordered, and quadrilaterals stay whole, because pbrt makes bilinear patches of them.
+No vertex is merged, moved or reordered, and quadrilaterals stay whole, because pbrt makes bilinear patches of
+them.
 
-The reader is our own, in ply_*.py, and trimesh's is left: that refuses binary files that mix triangles with quadrilaterals,
-which exporters commonly write and pbrt reads, and takes Python lists of ASCII files, some 20 times their size, before it looks at
-what the header says. tests/scenes/ply/test_rows.py shows that the two agree on what both read.
+The reader is our own, in ply_*.py, and trimesh's is left: that refuses binary files that mix triangles with
+quadrilaterals, which exporters commonly write and pbrt reads, and takes Python lists of ASCII files, some 20
+times their size, before it looks at what the header says. tests/scenes/ply/test_rows.py shows that the two
+agree on what both read.
 """
 
 from __future__ import annotations
@@ -45,10 +47,12 @@ class MeshFile:
 
 
 def read_ply(path: Path) -> MeshFile:
-    """Read a PLY file, ASCII or binary, also compressed (.gz); PenumbraError if it is damaged, or holds what is not supported.
+    """Read a PLY file, ASCII or binary, also compressed (.gz); PenumbraError if it is damaged, or holds what
+    is not supported.
 
-    Not supported are faces of five corners and more, which pbrt drops, ASCII files of more than TEXT_LIMIT bytes and others of more than
-    FILE_LIMIT. A header that promises more than the file holds costs no more time or memory than what is there.
+    Not supported are faces of five corners and more, which pbrt drops, ASCII files of more than TEXT_LIMIT
+    bytes and others of more than FILE_LIMIT. A header that promises more than the file holds costs no more
+    time or memory than what is there.
     """
     try:
         return _read(path)
@@ -74,7 +78,9 @@ def _read(path: Path) -> MeshFile:
 
 
 def _content(header: Header, head: bytes, path: Path) -> tuple[memoryview, int]:
-    """What the rows are read from, and the offset at which they begin there. head: the first HEADER_LIMIT bytes of the file."""
+    """What the rows are read from, and the offset at which they begin there. head: the first HEADER_LIMIT
+    bytes of the file.
+    """
     limit = TEXT_LIMIT if header.ascii else FILE_LIMIT
     kind = "of an ASCII PLY file; a binary one may be longer" if header.ascii else "of a file"
     if header.size + header.least() > limit:
@@ -95,7 +101,9 @@ def _content(header: Header, head: bytes, path: Path) -> tuple[memoryview, int]:
 
 
 def _rows(header: Header, content: memoryview, at: int) -> tuple[Rows, Rows]:
-    """Where vertices and faces lie; PlyError unless the content is what the header declares, no less and no more."""
+    """Where vertices and faces lie; PlyError unless the content is what the header declares, no less and no
+    more.
+    """
     found: dict[str, Rows] = {}
     for element in header.elements:
         if element.properties:
@@ -144,7 +152,11 @@ def _columns(vertices: Rows, *choices: tuple[str, ...]) -> NDArray[np.float64] |
 
 
 def _checked(mesh: MeshFile) -> MeshFile:
-    for values, name in ((mesh.vertices, "vertex"), (mesh.normals, "normal"), (mesh.uv, "texture coordinate")):
+    for values, name in (
+        (mesh.vertices, "vertex"),
+        (mesh.normals, "normal"),
+        (mesh.uv, "texture coordinate"),
+    ):
         if values is not None and not np.all(np.isfinite(values)):
             raise PlyError(f"has a {name} that is not finite")
     for corners in (mesh.triangles, mesh.quads):

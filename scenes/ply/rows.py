@@ -1,8 +1,8 @@
 """Where the rows of a PLY element lie, and what stands in their columns.
 
-Rows with lists differ in size, so that one must be read to know where the next begins. Nearly all files have long runs of one
-size: a run is found by comparing the lengths at equal distances, all at once. Rows that differ from their neighbours are
-stepped over one by one, at about a microsecond each.
+Rows with lists differ in size, so that one must be read to know where the next begins. Nearly all files have
+long runs of one size: a run is found by comparing the lengths at equal distances, all at once. Rows that
+differ from their neighbours are stepped over one by one, at about a microsecond each.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from scenes.ply.header import Element, PlyError, Property
 
-STREAK = 16  # equal rows after which a run is looked for: finding its end costs about as much as so many steps
+STREAK = (
+    16  # equal rows after which a run is looked for: finding its end costs about as much as so many steps
+)
 WINDOW = 256  # rows that are compared first, and twice as many each time
 STEP_LIMIT = 2**23  # lengths read one by one in one element: some 10 s
 LENGTH_LIMIT = 2**30  # of a list; no content is that long
@@ -32,7 +34,8 @@ Check = Callable[[Element, int, Lengths], None]
 class Rows:
     """The rows of an element, in runs of equal lengths of lists.
 
-    runs: (r, 3) int64, of each the first row, its offset, and which of `lengths` its lists have. end: where the last row ends.
+    runs: (r, 3) int64, of each the first row, its offset, and which of `lengths` its lists have. end: where
+    the last row ends.
     """
 
     element: Element
@@ -42,7 +45,10 @@ class Rows:
     end: int
 
     def values(self, column: Property) -> NDArray[Any]:
-        """A column without lists: (n,), of its declared type. PlyError if text has a number that this type does not."""
+        """A column without lists: (n,), of its declared type.
+
+        PlyError if text has a number that this type does not.
+        """
         return self._cells(column, list(range(len(self.lengths))), 1)[:, 0]
 
     def lists(self, column: Property, length: int) -> NDArray[Any]:
@@ -70,7 +76,9 @@ class Rows:
             return _declared(cells, column)
         within = np.arange(int(counts.sum()), dtype=np.int64) - np.repeat(np.cumsum(counts) - counts, counts)
         places = np.repeat(starts, counts) + within * np.repeat(sizes[kind], counts)
-        every = np.ndarray((len(self.content) - size + 1,), f"V{size}", self.content, 0, (1,))  # a cell at each byte
+        every = np.ndarray(
+            (len(self.content) - size + 1,), f"V{size}", self.content, 0, (1,)
+        )  # a cell at each byte
         return _declared(every[places].view(column.held).reshape(-1, width), column)
 
 
@@ -85,7 +93,7 @@ def _declared(values: NDArray[Any], column: Property) -> NDArray[Any]:
     bad = (values != np.rint(values)) | (values < limits.min) | (values > limits.max)
     if bad.any():
         raise PlyError(
-            f"is no PLY file that can be read: {values[bad][0]:g} of the property {column.name[:40]!r} is none of its "
+            f"is no PLY file that can be read: {values[bad][0]:g} of the property {column.name[:40]!r} is none of its "  # noqa: E501
             f"type's whole numbers, {limits.min} to {limits.max}"
         )
     return values.astype(column.type)
@@ -94,8 +102,8 @@ def _declared(values: NDArray[Any], column: Property) -> NDArray[Any]:
 def lay_out(element: Element, content: memoryview, start: int, check: Check | None = None) -> Rows:
     """Find the rows of an element, which has columns; the first is at offset `start`.
 
-    check: told of the first row with lists of each lengths, to raise what is wrong with them. PlyError if the content ends
-    before the last row, or the length of a list is none.
+    check: told of the first row with lists of each lengths, to raise what is wrong with them. PlyError if the
+    content ends before the last row, or the length of a list is none.
     """
     walk = _Walk(element, content)
     runs = array("q")  # row, offset and kind of each
@@ -113,14 +121,18 @@ def lay_out(element: Element, content: memoryview, start: int, check: Check | No
             kinds.append((lengths, element.offset(None, lengths)))
         lengths, size = kinds[kind]
         streak = streak + 1 if kind == last or last < 0 else 0
-        run = walk.run(lengths, size, at, element.count - row) if streak >= STREAK else int(at + size <= len(content))
+        run = (
+            walk.run(lengths, size, at, element.count - row)
+            if streak >= STREAK
+            else int(at + size <= len(content))
+        )
         if not run:
             raise _ended(element, row)
         runs.extend((row, at, kind))
         row, at, last = row + run, at + size * run, kind
         if len(runs) // 3 * len(element.lists) > STEP_LIMIT:
             raise PlyError(
-                f"changes the size of its {element.name[:40]!r} rows too often, {len(runs) // 3} times: triangulate it"
+                f"changes the size of its {element.name[:40]!r} rows too often, {len(runs) // 3} times: triangulate it"  # noqa: E501
             )
     table = np.array(runs, dtype=np.int64).reshape(-1, 3)
     return Rows(element, content, table, [lengths for lengths, _ in kinds], at)
@@ -144,14 +156,20 @@ class _Walk:
                 gap = 0
 
     def lengths(self, row: int, at: int) -> Read:
-        """The lengths of the lists of the row at offset `at`, as they stand there: `checked` says whether they are lengths."""
+        """The lengths of the lists of the row at offset `at`, as they stand there: `checked` says whether
+        they are lengths.
+        """
         found: list[int | float] = []
         try:
             for gap, reader, _, item in self._lists:
                 (length,) = reader.unpack_from(self._content, at + gap)
                 found.append(length)
                 at += gap + reader.size + int(length * item)
-        except (struct.error, ValueError, OverflowError):  # beyond the end, where a length that is none leads too
+        except (
+            struct.error,
+            ValueError,
+            OverflowError,
+        ):  # beyond the end, where a length that is none leads too
             self.checked(row, tuple(found))
             raise _ended(self._element, row) from None
         return tuple(found)
@@ -167,7 +185,9 @@ class _Walk:
         return tuple(int(length) for length in lengths)
 
     def run(self, lengths: Lengths, size: int, at: int, rows: int) -> int:
-        """How many of the next `rows` rows, the first at offset `at`, have these lengths and end within the content."""
+        """How many of the next `rows` rows, the first at offset `at`, have these lengths and end within the
+        content.
+        """
         within = min(rows, (len(self._content) - at) // size)
         done = 0
         while done < within:
@@ -185,5 +205,5 @@ class _Walk:
 
 def _ended(element: Element, row: int) -> PlyError:
     return PlyError(
-        f"does not hold as much as its header says: it ends in row {row} of {element.count} of {element.name[:40]!r}"
+        f"does not hold as much as its header says: it ends in row {row} of {element.count} of {element.name[:40]!r}"  # noqa: E501
     )

@@ -18,9 +18,11 @@ _NUMBER = re.compile(
 
 
 def read_numbers(data: bytes, start: int) -> memoryview:
-    """The numbers of the text from `start` on, as the bytes of float64; PlyError at the first word that is none.
+    """The numbers of the text from `start` on, as the bytes of float64; PlyError at the first word that is
+    none.
 
-    Besides the text there is the result and one piece: 8 bytes a number, of which no two take fewer than 3 bytes.
+    Besides the text there is the result and one piece: 8 bytes a number, of which no two take fewer than 3
+    bytes.
     """
     pieces = _pieces(data, start)
     numbers = np.zeros(sum(_words(data[first:end]) for first, end in pieces))
@@ -66,10 +68,14 @@ def _parse(data: bytes, first: int, end: int) -> NDArray[np.float64]:
             numbers = np.zeros(0)
     if len(numbers) == words:
         return numbers
-    wrong = next((word for word in re.finditer(rb"[^ \t\n\v\f\r]+", piece) if not _NUMBER.fullmatch(word[0])), None)
+    wrong = next(
+        (word for word in re.finditer(rb"[^ \t\n\v\f\r]+", piece) if not _NUMBER.fullmatch(word[0])), None
+    )
     raise _no_number(data, first + (wrong.start() if wrong else 0), wrong[0] if wrong else piece)
 
 
 def _no_number(data: bytes, at: int, word: bytes) -> PlyError:
     line = data.count(b"\n", 0, at) + 1
-    return PlyError(f"is no PLY file that can be read: line {line}: {word[:40].decode('latin-1')!r} is no number")
+    return PlyError(
+        f"is no PLY file that can be read: line {line}: {word[:40].decode('latin-1')!r} is no number"
+    )

@@ -1,4 +1,6 @@
-"""The contact ladder: bounded estimators hold on every rung, unbounded ones are never believed where they are wrong."""
+"""The contact ladder: bounded estimators hold on every rung, unbounded ones are never believed where they are
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ def ladder() -> list[Rung]:
 
 
 def within(r: Rung) -> bool:
-    """4.5 standard errors, and what a miss too rare to be seen in so many samples may hide: 12 / N at 6e-6."""
+    """4.5 standard errors, and what a miss too rare to be seen in so many samples may hide: 12 / N at
+    6e-6.
+    """
     return abs(r.mean - r.truth) < 4.5 * r.se + 12 / SAMPLES * r.truth
 
 
@@ -42,12 +46,16 @@ def test_area_sampling_is_never_believed_where_it_is_wrong(ladder):
         assert within(r) or r.verdict == "untrustworthy", r
     near = [r for r in area if r.h <= 1e-2]
     assert all(r.verdict == "untrustworthy" for r in near)
-    assert all(r.mean < 0.1 * r.truth for r in near if r.h <= 1e-5), "area sampling has become better than it can be"
+    assert all(r.mean < 0.1 * r.truth for r in near if r.h <= 1e-5), (
+        "area sampling has become better than it can be"
+    )
     assert all(r.verdict == "ok" for r in area if r.h == 1)
 
 
 def test_closed_forms_are_the_truth_on_every_rung(ladder):
-    """Nothing is in the way, so that both forms are their closed form: two derivations of one irradiance, to 1e-9."""
+    """Nothing is in the way, so that both forms are their closed form: two derivations of one irradiance, to
+    1e-9.
+    """
     rungs = [r for r in ladder if r.estimator in CLOSED]
     assert len(rungs) == 4 * 2 * 2 * 9
     for r in rungs:
@@ -55,7 +63,9 @@ def test_closed_forms_are_the_truth_on_every_rung(ladder):
 
 
 def test_the_cosine_is_sampled_without_noise(ladder):
-    """Projected solid angle samples a diffuse floor exactly: each sample is the truth, to the rounding of a root search."""
+    """Projected solid angle samples a diffuse floor exactly: each sample is the truth, to the rounding of a
+    root search.
+    """
     for r in ladder:
         if r.estimator == "projected-solid-angle" and r.verdict == "ok":
             assert abs(r.mean / r.truth - 1) < 1e-6 and r.se < 1e-6 * r.truth, r

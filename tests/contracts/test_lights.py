@@ -1,4 +1,6 @@
-"""Every technique of every kind of light: samples follow the pdf, the pdf covers the light, rows stand alone."""
+"""Every technique of every kind of light: samples follow the pdf, the pdf covers the light, rows stand
+alone.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from scipy.stats import chi2
 
 from renderer.interfaces.light import LIGHTS, DirectionSampler, LightExample
 from renderer.math.vectors import dot, frame_about, normalize
-from scenes.description import ShapeDescription
+from scenes.description.shapes import ShapeDescription
 
 CASES = [
     pytest.param(kind, technique, example, id=f"{name}-{technique}-{example.name}")
@@ -35,7 +37,9 @@ def draw(sampler: DirectionSampler, p: np.ndarray, n: np.ndarray, count: int, se
 
 @pytest.mark.parametrize(("kind", "technique", "example"), SPREAD)
 def test_the_sampled_pdf_is_the_pdf_asked_for(kind, technique, example):
-    """Catches a pdf that differs between the two routines by more than 1e-6: a wrong Jacobian, a forgotten area."""
+    """Catches a pdf that differs between the two routines by more than 1e-6: a wrong Jacobian, a forgotten
+    area.
+    """
     sampler = sampler_of(kind, technique, example)
     for j in range(example.ref_p.shape[1]):
         p, n = example.ref_p[:, j], example.ref_n[:, j]
@@ -55,8 +59,9 @@ def test_the_sampled_pdf_is_the_pdf_asked_for(kind, technique, example):
 def test_sampled_directions_follow_the_pdf(kind, technique, example, samples):
     """Chi-square on a grid of quantiles, against the pdf integrated by uniform directions in a cone.
 
-    Sidak over all points of all cases at 0.1 %. With 1e5 samples in about 50 bins it catches a density off by some 3 %
-    in a bin, with 1e6 of the slow tier 1 %. Bins count where the quadrature is worth 25 equal weights: below that its own variance is unknown.
+    Sidak over all points of all cases at 0.1 %. With 1e5 samples in about 50 bins it catches a density off by
+    some 3 % in a bin, with 1e6 of the slow tier 1 %. Bins count where the quadrature is worth 25 equal
+    weights: below that its own variance is unknown.
     """
     sampler = sampler_of(kind, technique, example)
     level = 1 - 0.999 ** (1 / sum(case.values[2].ref_p.shape[1] for case in SPREAD))
@@ -94,7 +99,9 @@ def _cone(sampler, p, n, axis, opening, count, seed):
 
 
 def _cells(axis, hit):
-    """A function from directions to the cells of a grid, BINS quantiles of the directions `hit` across by BINS along."""
+    """A function from directions to the cells of a grid, BINS quantiles of the directions `hit` across by
+    BINS along.
+    """
     x, y, _ = frame_about(axis)
     flat = np.stack([dot(x, hit), dot(y, hit)])
     _, _, turn = np.linalg.svd((flat - flat.mean(axis=1, keepdims=True)).T, full_matrices=False)
@@ -132,7 +139,9 @@ def test_rows_stand_alone(kind, technique, example):
 @pytest.mark.parametrize(("kind", "technique", "example"), CASES)
 def test_an_empty_batch_gives_an_empty_batch(kind, technique, example):
     none = np.zeros((3, 0))
-    s = sampler_of(kind, technique, example).sample_direction(np.zeros(0, dtype=np.int64), none, none, np.zeros((2, 0)))
+    s = sampler_of(kind, technique, example).sample_direction(
+        np.zeros(0, dtype=np.int64), none, none, np.zeros((2, 0))
+    )
     assert s.wi.shape == (3, 0) and s.valid.shape == (0,)
 
 

@@ -1,7 +1,8 @@
 """Every kind of material: samples follow the pdf, integrals agree, nobody gains energy, rows stand alone.
 
-Directions are integrated over in polar coordinates of the half vector's slope. Equal steps of the radius's logarithm resolve a
-Lambertian hemisphere and a lobe a thousandth wide alike, which at grazing angles is a thousand times narrower one way still.
+Directions are integrated over in polar coordinates of the half vector's slope. Equal steps of the radius's
+logarithm resolve a Lambertian hemisphere and a lobe a thousandth wide alike, which at grazing angles is a
+thousand times narrower one way still.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from scipy.stats import chi2
 from renderer.interfaces.material import MATERIALS, MaterialKind
 from renderer.math.vectors import dot, frame_about, normalize
 from renderer.records import SurfaceHit
-from scenes.description import Conductor, Diffuse, ShapeDescription
+from scenes.description.materials import Conductor, Diffuse
+from scenes.description.shapes import ShapeDescription
 
 EXAMPLES = [
     pytest.param(kind, example.shape, id=f"{name}-{example.name}")
@@ -37,10 +39,14 @@ def hits(wo: np.ndarray, shape: int = 0) -> SurfaceHit:
 
 
 def direction(theta, phi) -> np.ndarray:
-    """(3, n) at angles theta from the normal; the cosine is the sine of the rest, so that grazing angles keep their digits."""
+    """(3, n) at angles theta from the normal; the cosine is the sine of the rest, so that grazing angles keep
+    their digits.
+    """
     theta, phi = np.broadcast_arrays(np.atleast_1d(np.asarray(theta, dtype=float)), phi)
     x, y, z = frame_about(NORMAL)
-    return x * (np.sin(theta) * np.cos(phi)) + y * (np.sin(theta) * np.sin(phi)) + z * np.sin(np.pi / 2 - theta)
+    return (
+        x * (np.sin(theta) * np.cos(phi)) + y * (np.sin(theta) * np.sin(phi)) + z * np.sin(np.pi / 2 - theta)
+    )
 
 
 def seen_from(theta: float, count: int) -> SurfaceHit:
@@ -71,7 +77,9 @@ class Slopes:
         return np.sqrt(dot(flat, flat)) / height, np.arctan2(dot(y, flat), dot(x, flat)) % (2 * np.pi)
 
     def at(self, r, phi):
-        """wi, and the solid angle of d(log r) d(phi), r^2 cos^3(h) 4 (wo.h) [walter2007, eq. 14]; 0 where h turns away from wo."""
+        """wi, and the solid angle of d(log r) d(phi), r^2 cos^3(h) 4 (wo.h) [walter2007, eq. 14]; 0 where h
+        turns away from wo.
+        """
         x, y, z = frame_about(NORMAL)
         h = (x * (r * np.cos(phi)) + y * (r * np.sin(phi)) + z) / np.sqrt(1 + r * r)
         towards = dot(self.wo, h)
@@ -90,7 +98,10 @@ def integrals(material: MaterialKind, theta: float, edges: np.ndarray, steps: in
     around = slopes(theta)
     node, weight = np.polynomial.legendre.leggauss(steps)
     turn = 2 * np.pi / TURNS
-    phi, dphi = np.concatenate([turn * (i + (node + 1) / 2) for i in range(TURNS)]), np.tile(weight * turn / 2, TURNS)
+    phi, dphi = (
+        np.concatenate([turn * (i + (node + 1) / 2) for i in range(TURNS)]),
+        np.tile(weight * turn / 2, TURNS),
+    )
     cells = []
     for low, high in zip(np.log(edges[:-1]), np.log(edges[1:]), strict=True):
         r = np.exp(low + (high - low) * (node + 1) / 2)
@@ -103,7 +114,10 @@ def integrals(material: MaterialKind, theta: float, edges: np.ndarray, steps: in
 
 
 def edges_for(theta: float, r: np.ndarray) -> np.ndarray:
-    """Quantiles of the sampled r. The innermost 1e-4 of the first cell, with 1e-8 of its mass, is left out."""
+    """Quantiles of the sampled r.
+
+    The innermost 1e-4 of the first cell, with 1e-8 of its mass, is left out.
+    """
     inner = np.quantile(r, np.linspace(0, 1, RADII + 1)[1:-1])
     return np.concatenate([[inner[0] * 1e-4], inner, [slopes(theta).steepest]])
 
@@ -115,7 +129,9 @@ def reflected(material: MaterialKind):
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 def test_the_sampled_pdf_is_the_pdf_asked_for(kind, shape):
-    """Catches a pdf that differs between the two routines by more than 1e-6: a forgotten Jacobian of the half vector."""
+    """Catches a pdf that differs between the two routines by more than 1e-6: a forgotten Jacobian of the half
+    vector.
+    """
     material = made(kind, shape)
     for j, theta in enumerate(VIEWS):
         hit = seen_from(theta, 2000)
@@ -127,7 +143,9 @@ def test_the_sampled_pdf_is_the_pdf_asked_for(kind, shape):
 
 
 def follows(kind, shape: ShapeDescription, samples: int, steps: int, level: float) -> None:
-    """The chi-square test, and the two totals that the same draws give: of the pdf, and of the reflected share."""
+    """The chi-square test, and the two totals that the same draws give: of the pdf, and of the reflected
+    share.
+    """
     material = made(kind, shape)
     for j, theta in enumerate(VIEWS):
         hit = seen_from(theta, samples)
@@ -144,7 +162,9 @@ def follows(kind, shape: ShapeDescription, samples: int, steps: int, level: floa
         use = expected * samples > 10
         variance = np.maximum(expected * (1 - expected), 0) / samples + cut**2
         statistic = ((observed - expected)[use] ** 2 / variance[use]).sum()
-        assert chi2.sf(statistic, use.sum()) > level, f"view {theta:.4f}: chi2 {statistic:.1f} over {use.sum()} cells"
+        assert chi2.sf(statistic, use.sum()) > level, (
+            f"view {theta:.4f}: chi2 {statistic:.1f} over {use.sum()} cells"
+        )
         total, error = expected.sum(), np.sqrt((cut**2).sum())
         assert total < 1 + error + 1e-5
         assert abs(total - valid.mean()) < 4.5 * np.sqrt(max(total * (1 - total), 0) / samples) + error + 1e-5
@@ -169,7 +189,9 @@ LEVEL = 1 - 0.999 ** (1 / (len(EXAMPLES) * len(VIEWS)))
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 def test_sampled_directions_follow_the_pdf(kind, shape):
-    """Sidak over all views of all examples at 0.1 %. 1e5 samples in up to 120 cells catch a density off by some 4 % in a cell."""
+    """Sidak over all views of all examples at 0.1 %. 1e5 samples in up to 120 cells catch a density off by
+    some 4 % in a cell.
+    """
     follows(kind, shape, 100_000, 40, LEVEL)
 
 
@@ -182,7 +204,10 @@ def test_a_million_sampled_directions_follow_the_pdf(kind, shape):
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 def test_light_can_be_followed_either_way(kind, shape):
-    """Helmholtz reciprocity, near the mirror direction and far from it. Catches a masking of one direction only."""
+    """Helmholtz reciprocity, near the mirror direction and far from it.
+
+    Catches a masking of one direction only.
+    """
     rng = np.random.default_rng(3)
     material = made(kind, shape)
     for spread in (2e-3, 0.2, 3.0):
@@ -199,7 +224,9 @@ def test_light_can_be_followed_either_way(kind, shape):
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 @pytest.mark.parametrize("theta", [*VIEWS, 0.8, 1.35, np.pi / 2 - 1e-5])
 def test_no_material_reflects_more_than_it_receives(kind, shape, theta):
-    """The white furnace: the reflected share of every view is at most 1, by quadrature from slopes of 1e-8 on."""
+    """The white furnace: the reflected share of every view is at most 1, by quadrature from slopes of 1e-8
+    on.
+    """
     edges = np.geomspace(1e-8, slopes(theta).steepest, RADII + 1)
     material = made(kind, shape)
     share = integrals(material, float(theta), edges, 30, reflected(material)).sum(axis=(-2, -1))
@@ -208,7 +235,9 @@ def test_no_material_reflects_more_than_it_receives(kind, shape, theta):
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 def test_nothing_is_lost_in_the_dark_corners(kind, shape):
-    """Grazing to 1e-6 rad and beyond, and the corners of the unit square: finite, not negative, without a warning."""
+    """Grazing to 1e-6 rad and beyond, and the corners of the unit square: finite, not negative, without a
+    warning.
+    """
     material = made(kind, shape)
     edge = 1 - 2.0**-53
     u = np.array([(a, b) for a in (0.0, 0.5, edge) for b in (0.0, 1e-9, 0.5, edge)]).T
@@ -226,7 +255,9 @@ def test_nothing_is_lost_in_the_dark_corners(kind, shape):
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 def test_rows_stand_alone(kind, shape):
-    """The bits of a row are the same alone, in a batch of an odd length, and in a scene of several materials."""
+    """The bits of a row are the same alone, in a batch of an odd length, and in a scene of several
+    materials.
+    """
     rng = np.random.default_rng(5)
     wo, u = direction(np.arccos(rng.random(37)), rng.random(37) * 7), rng.random((2, 37))
     for material, index in ((made(kind, shape), 0), (kind.make([*map(plain, range(2)), shape]), 2)):

@@ -1,4 +1,6 @@
-"""What every metric keeps to, a new one included: the registry gives them, no test names them but where a claim is its own."""
+"""What every metric keeps to, a new one included: the registry gives them, no test names them but where a
+claim is its own.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from scenes.errors import PenumbraError
 HEIGHT, WIDTH = 24, 32
 NOISE = 1e-3  # standard error of the reference
 SPP = 4.0
-BLIND = ("relmse-simpleimageio",)  # leaves out what the reference has black, as the program that it matches does
+BLIND = (
+    "relmse-simpleimageio",
+)  # leaves out what the reference has black, as the program that it matches does
 BIBLIOGRAPHY = Path(__file__).parents[2] / "docs" / "references.bib"
 
 
@@ -33,7 +37,9 @@ def noisy(image: Image, size: float, seed: int) -> Image:
 
 
 def render(image: Image, size: float, seed: int) -> Estimate:
-    """An estimate with all that is known of its samples: the largest stands out by three deviations of one sample."""
+    """An estimate with all that is known of its samples: the largest stands out by three deviations of one
+    sample.
+    """
     mean = noisy(image, size, seed)
     deviation = size * image
     largest = np.maximum(mean + 3 * SPP**0.5 * deviation, mean)
@@ -97,7 +103,9 @@ def halves() -> tuple[Mask, Mask]:
 
 
 def test_a_region_sees_its_own_pixels_only(metric: Metric) -> None:
-    """Errors in the left half change the left half's score and not the right's; SSIM and FLIP look up to 11 pixels around."""
+    """Errors in the left half change the left half's score and not the right's; SSIM and FLIP look up to 11
+    pixels around.
+    """
     left, right = halves()
     far = right.copy()
     far[:, : WIDTH // 2 + 12] = False
@@ -127,7 +135,9 @@ def test_a_shift_of_everything_scores_worse(metric: Metric) -> None:
     if metric.judges not in ("error", "bias"):
         return
     truth = picture() + 0.1
-    plain, shifted = (value_of(metric, Estimate(noisy(truth, 0.01, 3) + by), exact(truth)) for by in (0.0, 0.1))
+    plain, shifted = (
+        value_of(metric, Estimate(noisy(truth, 0.01, 3) + by), exact(truth)) for by in (0.0, 0.1)
+    )
     assert abs(plain) < abs(shifted) if metric.better != "higher" else plain > shifted
 
 
@@ -137,7 +147,9 @@ def test_a_leak_in_the_umbra_is_seen(metric: Metric) -> None:
     leaking = clean.mean.copy()
     leaking[4:20, 1:6] += 0.2
     before = value_of(metric, clean, reference(picture()))
-    after = value_of(metric, Estimate(leaking, clean.variance, clean.count, clean.maximum), reference(picture()))
+    after = value_of(
+        metric, Estimate(leaking, clean.variance, clean.count, clean.maximum), reference(picture())
+    )
     if metric.judges == "samples" or metric.name == "nonfinite":
         return
     if metric.name in BLIND:
@@ -204,7 +216,10 @@ def test_rows_and_columns_are_not_mixed_up(metric: Metric) -> None:
     estimate = Estimate(spoilt, np.where(spoilt > 1, 0.1, 0.01), np.full((HEIGHT, WIDTH), SPP), spoilt)
     found = metric(estimate, Reference(truth, np.zeros_like(truth), 64, umbra)).map
     assert found is not None
-    corner, others = found[-6:, :6].mean(), [found[:6, :6].mean(), found[:6, -6:].mean(), found[-6:, -6:].mean()]
+    corner, others = (
+        found[-6:, :6].mean(),
+        [found[:6, :6].mean(), found[:6, -6:].mean(), found[-6:, -6:].mean()],
+    )
     assert corner < min(others) if metric.name == "ssim" else corner > max(others)
 
 

@@ -64,7 +64,9 @@ def test_another_seed_gives_other_numbers(name):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if SAMPLERS[n].independent])
 def test_independent_samples_are_independent_within_a_pixel(name):
-    """Correlation of successive samples of a pixel, and the variance of pixel means: both as independence has them."""
+    """Correlation of successive samples of a pixel, and the variance of pixel means: both as independence has
+    them.
+    """
     pixels, samples = 20_000, 16
     u = SAMPLERS[name](2, samples).uniform(*grid(pixels, samples), 0, 1).reshape(pixels, samples)
     neighbours = (u[:, 1:] - 0.5) * (u[:, :-1] - 0.5)
@@ -75,7 +77,9 @@ def test_independent_samples_are_independent_within_a_pixel(name):
 
 @pytest.mark.parametrize("pair", [0, 1, 2, 5])
 def test_sobol_prefixes_are_nets(pair):
-    """Every elementary interval of each pair of dimensions holds one of the first 2^m points, in every pixel."""
+    """Every elementary interval of each pair of dimensions holds one of the first 2^m points, in every
+    pixel.
+    """
     for m in (1, 2, 3, 4, 6, 8):
         pixel, sample = grid(20, 2**m)
         u = SAMPLERS["sobol"](5, 2**m).uniform(pixel, sample, 2 * pair, 2).reshape(2, 20, 2**m)
@@ -85,7 +89,9 @@ def test_sobol_prefixes_are_nets(pair):
 
 
 def test_owen_scrambling_leaves_each_stratum_uniform():
-    """The mean of N scrambled coordinates has the variance 1/(12 N^3) of N free offsets: a weak hash has another."""
+    """The mean of N scrambled coordinates has the variance 1/(12 N^3) of N free offsets: a weak hash has
+    another.
+    """
     pixels = 20_000
     for dim, count in ((0, 16), (1, 16), (2, 64), (3, 64)):
         u = SAMPLERS["sobol"](9, count).uniform(*grid(pixels, count), dim, 1).reshape(pixels, count)
@@ -124,14 +130,18 @@ def test_permutations_are_permutations():
 
 @pytest.mark.parametrize("name", [n for n in NAMES if not SAMPLERS[n].independent])
 def test_strata_beat_independence_on_a_smooth_integrand(name):
-    """Mean of x y at 256 samples: the standard deviation over pixels must be far below that of independent samples."""
+    """Mean of x y at 256 samples: the standard deviation over pixels must be far below that of independent
+    samples.
+    """
     spread = {}
     for each in ("independent", name):
         u = SAMPLERS[each](1, 256).uniform(*grid(500, 256), 0, 2).reshape(2, 500, 256)
         means = (u[0] * u[1]).mean(axis=1)
         spread[each] = means.std(ddof=1)
         assert abs(means.mean() - 0.25) < norm.isf(1e-6) * spread[each] / np.sqrt(500)
-    # Multi-jittered: a column's offsets in y are shared, and their order against x is chance: sqrt(2) / (12 sqrt(16) 16).
-    # A scrambled net: at most e times independence by theory, here the measured 1.35e-4 of scrambled nets of 256 points.
+    # Multi-jittered: a column's offsets in y are shared, and their order against x is chance: sqrt(2) / (12
+    # sqrt(16) 16).
+    # A scrambled net: at most e times independence by theory, here the measured 1.35e-4 of scrambled nets of
+    # 256 points.
     expected = {"sobol": 1.35e-4, "stratified": np.sqrt(2) / 768}
     assert spread[name] < expected[name] * (1 + 4.5 / np.sqrt(2 * 500))

@@ -4,19 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.description import (
-    Array,
-    Diffuse,
-    Disk,
-    Emission,
-    Film,
-    Geometry,
-    PerspectiveCamera,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-)
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import Array, Disk, Emission, Geometry, ShapeDescription, Sphere, TriangleMesh
 from tests.kit.mitsuba_scenes import floor, look_at, rectangle, vector
 
 EYE, TARGET = vector(1.25, 2.2, -4.0), vector(0, 0.4, -0.3)
@@ -39,7 +29,9 @@ LIGHTS: dict[str, Geometry] = {
     "disk facing down": Disk(vector(0, 0.1, -0.3), vector(0, -1, 0), 0.5),
     "disk inside a pixel": Disk(vector(0.013, 0.5, -0.3), unit(0, -1, -0.5), 0.005),
     "disk from behind": Disk(vector(0.013, 0.5, -0.3), unit(0, -0.2, 1), 0.3),
-    "disk seen edge-on": Disk(vector(0, 0.5, -0.3), unit(*np.cross(EYE - vector(0, 0.5, -0.3), (0, 1, 0))), 0.3),
+    "disk seen edge-on": Disk(
+        vector(0, 0.5, -0.3), unit(*np.cross(EYE - vector(0, 0.5, -0.3), (0, 1, 0))), 0.3
+    ),
 }
 
 

@@ -1,4 +1,5 @@
-"""The same irradiances in 40 digits and by other ways: what `pipeline.references.closed_form.radiometry` is measured against.
+"""The same irradiances in 40 digits and by other ways: what `pipeline.references.closed_form.radiometry` is
+measured against.
 
 Floats are taken as the exact numbers they are, so that differences are the rounding of the code under test.
 """
@@ -65,7 +66,9 @@ def _clip(v, n):
 
 
 def disk(p: Vector, n: Vector, center: Vector, normal: Vector, radius: float) -> mp.mpf:
-    """The contour integral over the visible rim by quadrature, graded towards the rim's nearest point, plus the horizon's chord."""
+    """The contour integral over the visible rim by quadrature, graded towards the rim's nearest point, plus
+    the horizon's chord.
+    """
     with mp.workdps(DIGITS):
         n, w, r = vector(n), vector(normal), mp.mpf(float(radius))
         o = minus(vector(center), vector(p))
@@ -96,7 +99,9 @@ def disk(p: Vector, n: Vector, center: Vector, normal: Vector, radius: float) ->
 
 
 def sphere(p: Vector, n: Vector, center: Vector, radius: float) -> mp.mpf:
-    """Over the angle from the axis of the tangent cone, of each ring the azimuths above the horizon: no contour."""
+    """Over the angle from the axis of the tangent cone, of each ring the azimuths above the horizon: no
+    contour.
+    """
     with mp.workdps(DIGITS):
         o, n, r = minus(vector(center), vector(p)), vector(n), mp.mpf(float(radius))
         along = dot(n, o) / norm(o)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.images.exr import write_exr
 from scenes.pbrt.write.scene import export
 

@@ -1,4 +1,6 @@
-"""A reference backend of nothing but noise, and a scene for it: batches of uniform numbers, each a function of its number."""
+"""A reference backend of nothing but noise, and a scene for it: batches of uniform numbers, each a function
+of its number.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,16 @@ import pytest
 from pipeline.references import cache, protocol
 from pipeline.references.batches import Batches, accumulate, to_image
 from pipeline.references.cache import StoredReference, reference_for
-from pipeline.references.protocol import Continuation, Image, Progress, Quantity, ReferenceImage, ReferenceRequest
-from scenes.description import Diffuse, SceneDescription
+from pipeline.references.protocol import (
+    Continuation,
+    Image,
+    Progress,
+    Quantity,
+    ReferenceImage,
+    ReferenceRequest,
+)
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
 from tests.kit.mitsuba_scenes import above, floor, rectangle, scene, shape, vector
 
 REQUEST = ReferenceRequest(spp=8, batches=4, seed=3)
@@ -72,6 +82,8 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeBackend:
     return backend
 
 
-def ask(root: Path, given: SceneDescription | None = None, request: ReferenceRequest = REQUEST) -> StoredReference:
+def ask(
+    root: Path, given: SceneDescription | None = None, request: ReferenceRequest = REQUEST
+) -> StoredReference:
     """The fake's reference from the cache in `root`."""
     return reference_for(given or small(), "fake", request, root)

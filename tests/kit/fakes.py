@@ -1,4 +1,7 @@
-"""Fakes at the boundaries of a run: a reference backend, an executor, a listener. And a sweep small enough for a test."""
+"""Fakes at the boundaries of a run: a reference backend, an executor, a listener.
+
+And a sweep small enough for a test.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import numpy as np
 from pipeline.progress import Amount, Update
 from pipeline.references.protocol import Continuation, Progress, Quantity, ReferenceImage, ReferenceRequest
 from pipeline.run.executors.protocol import Outcome
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 T = TypeVar("T")
@@ -67,7 +70,9 @@ class FakeBackend:
 
 @dataclass
 class InlineExecutor:
-    """Computes in this process, one item after the other. stop_after: raises KeyboardInterrupt after so many items."""
+    """Computes in this process, one item after the other. stop_after: raises KeyboardInterrupt after so many
+    items.
+    """
 
     workers: int = 1
     stop_after: int | None = None

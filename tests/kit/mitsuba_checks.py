@@ -1,4 +1,6 @@
-"""Means of Mitsuba's images with their errors, and pbrt's environment and texture look-ups written down a second time."""
+"""Means of Mitsuba's images with their errors, and pbrt's environment and texture look-ups written down a
+second time.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ import numpy as np
 
 from pipeline.references.backends.mitsuba import MitsubaBackend
 from pipeline.references.protocol import ReferenceRequest
-from scenes.description import Array, Environment, Light, SceneDescription, ShapeDescription
+from scenes.description.lights import Environment, Light
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Array, ShapeDescription
 from tests.kit.mitsuba_scenes import scene
 
 BACKEND = MitsubaBackend()
@@ -35,19 +39,28 @@ def lit(
 
 
 def towards(square: Array) -> Array:
-    """pbrt's EqualAreaSquareToSphere, in its own words: points (..., 2) of the unit square to directions (..., 3)."""
+    """pbrt's EqualAreaSquareToSphere, in its own words: points (..., 2) of the unit square to directions
+    (..., 3).
+    """
     u, v = 2 * square[..., 0] - 1, 2 * square[..., 1] - 1
     signed = 1 - (np.abs(u) + np.abs(v))
     r = 1 - np.abs(signed)
     phi = np.where(r == 0, 1, (np.abs(v) - np.abs(u)) / np.where(r == 0, 1, r) + 1) * np.pi / 4
     flat = r * np.sqrt(2 - r * r)
     return np.stack(
-        [np.copysign(np.cos(phi), u) * flat, np.copysign(np.sin(phi), v) * flat, np.copysign(1 - r * r, signed)], -1
+        [
+            np.copysign(np.cos(phi), u) * flat,
+            np.copysign(np.sin(phi), v) * flat,
+            np.copysign(1 - r * r, signed),
+        ],
+        -1,
     )
 
 
 def solid_angles(given: Environment, fine: int = 1024) -> tuple[Array, Array]:
-    """Directions (m, 3), world space, and radiance times solid angle (m, 3), over parts of the environment's own texels."""
+    """Directions (m, 3), world space, and radiance times solid angle (m, 3), over parts of the environment's
+    own texels.
+    """
     height, width = (1, 1) if given.image is None else given.image.shape[:2]
     rows, columns = height * -(-fine // height), width * -(-fine // width)
     v, u = np.meshgrid((np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij")

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.description import (
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import (
     Array,
     BilinearMesh,
-    Diffuse,
     Disk,
     Emission,
-    Film,
     Geometry,
-    PerspectiveCamera,
-    SceneDescription,
     ShapeDescription,
     Sphere,
     TriangleMesh,
@@ -36,7 +34,9 @@ def look_at(eye: Array, target: Array, up: Array) -> Array:
     return result
 
 
-def shape(geometry: Geometry, albedo: float = 0.5, radiance: Sequence[float] | None = None) -> ShapeDescription:
+def shape(
+    geometry: Geometry, albedo: float = 0.5, radiance: Sequence[float] | None = None
+) -> ShapeDescription:
     emission = None if radiance is None else Emission(vector(*radiance))
     return ShapeDescription(geometry, Diffuse(np.full(3, albedo)), emission)
 
@@ -85,7 +85,10 @@ def moved(given: SceneDescription, scale: float, offset: Array) -> SceneDescript
 
 
 def project(given: SceneDescription, point: Array) -> Array:
-    """Where pbrt's camera sees a world point: (x, y) in pixels, y downwards. `fov` spans the shorter side of the film."""
+    """Where pbrt's camera sees a world point: (x, y) in pixels, y downwards.
+
+    `fov` spans the shorter side of the film.
+    """
     local = np.linalg.inv(given.camera.camera_to_world) @ np.append(point, 1.0)
     width, height = given.film.width, given.film.height
     pixels = min(width, height) / 2 / np.tan(np.radians(given.camera.fov) / 2)

@@ -1,4 +1,6 @@
-"""pbrt-v4's own images, and when another image agrees with them: image mean, regions, and relMSE without either's noise."""
+"""pbrt-v4's own images, and when another image agrees with them: image mean, regions, and relMSE without
+either's noise.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import Array
+from scenes.description.shapes import Array
 from scenes.images.exr import read_rgb
 from tests.kit.mitsuba_scenes import regions
 
 PBRT = Path(__file__).parents[3] / "shared" / "references"
 SIGMA = 4.5  # two-sided 7e-6 a comparison; 4 scenes x 51 comparisons: 0.14 % of false alarms in all
 
-# pbrt turns RGB into spectra and back. Its gray is exact; coloured light reads up to 0.1 % off the RGB product.
+# pbrt turns RGB into spectra and back. Its gray is exact; coloured light reads up to 0.1 % off the RGB
+# product.
 NAMES = {"rect-over-floor": 1e-3, "disk-over-floor": 1e-3, "sphere-light": 1e-3, "touching-light": 0.0}
 
 NO_PBRT = pytest.mark.skipif(not PBRT.is_dir(), reason=f"pbrt's images are not at {PBRT}")
@@ -23,7 +26,9 @@ NO_PBRT = pytest.mark.skipif(not PBRT.is_dir(), reason=f"pbrt's images are not a
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two estimates of one image with the variances of their means, and the relative error that pbrt's colour may have."""
+    """Two estimates of one image with the variances of their means, and the relative error that pbrt's colour
+    may have.
+    """
 
     ours: Array
     ours_variance: Array
@@ -32,7 +37,9 @@ class Pair:
     colour: float
 
     def disagreements(self, mean: Array | None = None) -> list[str]:
-        """What of `mean` (the image under test, unless another is given) is not pbrt's within the errors of both."""
+        """What of `mean` (the image under test, unless another is given) is not pbrt's within the errors of
+        both.
+        """
         mean = self.ours if mean is None else mean
         found: list[str] = []
         for count in (1, 4):

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 CODES = {
-    "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
-    "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f", "float64": "d",
+    "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",  # noqa: E501
+    "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f", "float64": "d",  # noqa: E501
 }  # fmt: skip
 FORMATS = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -32,7 +32,9 @@ def ply_bytes(encoding: str, *tables: Table, newline: str = "\n", notes: Sequenc
     head = newline.join([*lines, "end_header", ""]).encode()
     order = FORMATS[encoding]
     if order is None:
-        texts = [" ".join(word for cell in row for word in _words(cell)) for _, _, rows in tables for row in rows]
+        texts = [
+            " ".join(word for cell in row for word in _words(cell)) for _, _, rows in tables for row in rows
+        ]
         return head + newline.join([*texts, ""]).encode()
     return head + b"".join(_packed(order, properties, row) for _, properties, rows in tables for row in rows)
 

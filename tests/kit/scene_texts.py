@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import Location, SceneError
 from scenes.pbrt.parser import parse
 
@@ -28,7 +28,9 @@ def world(body: str) -> SceneDescription:
 
 
 def fails(text: str, line: int, column: int, *words: str) -> None:
-    """Assert that `text` is refused at exactly this place and that the message has these words in one line."""
+    """Assert that `text` is refused at exactly this place and that the message has these words in one
+    line.
+    """
     with pytest.raises(SceneError) as caught:
         parse(text)
     error = caught.value
@@ -44,7 +46,9 @@ def world_fails(body: str, line: int, column: int, *words: str) -> None:
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray, reverse: bool) -> np.ndarray:
-    """Unit normals by the description's own rule: (p1-p0) x (p2-p0), also (p10-p00) x (p01-p00), turned if `reverse`."""
+    """Unit normals by the description's own rule: (p1-p0) x (p2-p0), also (p10-p00) x (p01-p00), turned if
+    `reverse`.
+    """
     p0, p1, p2 = (vertices[faces[:, i]] for i in range(3))
     normals = np.cross(p1 - p0, p2 - p0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

@@ -11,20 +11,10 @@ from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION
 from renderer.interfaces.sampler import SAMPLERS
 from renderer.plan.plan import make_plan, plan_occlusion
 from renderer.records import SurfaceHit
-from scenes.description import (
-    BilinearMesh,
-    Diffuse,
-    Emission,
-    Film,
-    Geometry,
-    Light,
-    PerspectiveCamera,
-    PointLight,
-    SceneDescription,
-    ShapeDescription,
-    SpotLight,
-    TriangleMesh,
-)
+from scenes.description.lights import Light, PointLight, SpotLight
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import BilinearMesh, Emission, Geometry, ShapeDescription, TriangleMesh
 
 BLACK, GRAY = Diffuse(np.zeros(3)), Diffuse(np.full(3, 0.5))
 
@@ -40,7 +30,9 @@ def look_at(eye: list[float], target: list[float], width: int = 32, height: int 
     return PerspectiveCamera(matrix, fov), Film(width, height)
 
 
-def scene(shapes: list[ShapeDescription], eye=(0.3, 2.0, -5.0), target=(0.0, 0.5, 0.0), **film) -> SceneDescription:
+def scene(
+    shapes: list[ShapeDescription], eye=(0.3, 2.0, -5.0), target=(0.0, 0.5, 0.0), **film
+) -> SceneDescription:
     camera, size = look_at(list(eye), list(target), **film)
     return SceneDescription("by hand", camera, size, tuple(shapes))
 
@@ -71,7 +63,9 @@ def reflect(
     sampler: str = "independent",
     seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard error, each (m, 3), of the light reflected at exact points (m, 3) of a shape, spp samples each."""
+    """Mean and standard error, each (m, 3), of the light reflected at exact points (m, 3) of a shape, spp
+    samples each.
+    """
     chosen = ESTIMATORS[estimator]
     plan = plan_occlusion(built) if chosen.quantity == OCCLUSION else make_plan(built, prune=False)
     m = len(points)
@@ -90,7 +84,9 @@ def reflect(
 def moved(
     given: SceneDescription, scale: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> SceneDescription:
-    """The whole scene, camera included, scaled about the origin and then moved; it sends the same light to the same pixels."""
+    """The whole scene, camera included, scaled about the origin and then moved; it sends the same light to
+    the same pixels.
+    """
     shift = np.array(offset, dtype=float)
 
     def shape(s: ShapeDescription) -> ShapeDescription:
@@ -101,7 +97,9 @@ def moved(
 
     def lamp(light: Light) -> Light:
         if isinstance(light, PointLight | SpotLight):
-            return replace(light, position=light.position * scale + shift, intensity=light.intensity * scale**2)
+            return replace(
+                light, position=light.position * scale + shift, intensity=light.intensity * scale**2
+            )
         return light
 
     matrix = given.camera.camera_to_world.copy()

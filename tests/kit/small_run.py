@@ -1,9 +1,10 @@
 """A run folder whose truths are known: written through the store, as a real run is, from figures chosen here.
 
-Study "samples" on soft-shadow: RMSE is SIGMA[estimator] / sqrt(spp) with independent samples and SIGMA / spp with sobol, render
-time SECONDS x spp, so that slopes, costs and ratios are known exactly; the last sobol point is an upper bound.
-Study "overflow" on touching-light: area is untrustworthy at all gaps but the first, and its scores there are wrong on
-purpose (FORBIDDEN), as a score of an image that missed its light would be; solid-angle holds.
+Study "samples" on soft-shadow: RMSE is SIGMA[estimator] / sqrt(spp) with independent samples and SIGMA / spp
+with sobol, render time SECONDS x spp, so that slopes, costs and ratios are known exactly; the last sobol
+point is an upper bound. Study "overflow" on touching-light: area is untrustworthy at all gaps but the first,
+and its scores there are wrong on purpose (FORBIDDEN), as a score of an image that missed its light would be;
+solid-angle holds.
 """
 
 from __future__ import annotations
@@ -48,9 +49,13 @@ PLAN = [
     PlanDecision(
         effect="shadow rays to rectangle 0", needed=True, reason="3 shapes may lie between it and 5 receivers"
     ),
-    PlanDecision(effect="lights seen by the camera", needed=False, reason="every light lies outside the view frustum"),
+    PlanDecision(
+        effect="lights seen by the camera", needed=False, reason="every light lies outside the view frustum"
+    ),
 ]
-LEFT_OUT = LeftOut(study="samples", scene="disk-light", what="solid-angle", reason="its method is still to come")
+LEFT_OUT = LeftOut(
+    study="samples", scene="disk-light", what="solid-angle", reason="its method is still to come"
+)
 
 
 def truth(gap: float = 1.0) -> Array:
@@ -61,14 +66,28 @@ def truth(gap: float = 1.0) -> Array:
 
 def sweep() -> Sweep:
     """What the run was asked for."""
-    axes = Axes(estimator=["area", "solid-angle"], sampler=["independent", "sobol"], spp=SPP, seeds=list(range(SEEDS)))
+    axes = Axes(
+        estimator=["area", "solid-angle"], sampler=["independent", "sobol"], spp=SPP, seeds=list(range(SEEDS))
+    )
     gaps = Axes(
-        estimator=["area", "solid-angle"], spp=[64], seeds=list(range(SEEDS)), parameters={"gap": GAPS, "width": [2.0]}
+        estimator=["area", "solid-angle"],
+        spp=[64],
+        seeds=list(range(SEEDS)),
+        parameters={"gap": GAPS, "width": [2.0]},
     )
     exact = ReferenceDeclaration(backend="closed-form")
     studies = [
-        Study(name="samples", question="What does it cost?", scenes=["soft-shadow"], metrics=METRICS, axes=axes),
-        Study(name="overflow", scenes=["touching-light"], metrics=METRICS, over="gap", reference=exact, axes=gaps),
+        Study(
+            name="samples", question="What does it cost?", scenes=["soft-shadow"], metrics=METRICS, axes=axes
+        ),
+        Study(
+            name="overflow",
+            scenes=["touching-light"],
+            metrics=METRICS,
+            over="gap",
+            reference=exact,
+            axes=gaps,
+        ),
     ]
     return Sweep(title="A small run", description="Figures chosen, not measured.", study=studies)
 
@@ -84,7 +103,12 @@ def write_run(root: Path) -> Path:
     root.mkdir(parents=True, exist_ok=True)
     store.write_manifest(Manifest(name="small", sweep=asked, studies=studies, provenance=provenance()))
     for entry in samples:
-        _write(store, entry, _samples_rmse(entry.job), bound=entry.job.sampler == "sobol" and entry.job.spp == SPP[-1])
+        _write(
+            store,
+            entry,
+            _samples_rmse(entry.job),
+            bound=entry.job.sampler == "sobol" and entry.job.spp == SPP[-1],
+        )
     for entry in overflow:
         _write(store, entry, FORBIDDEN if doubtful(entry.job) else 0.02, bound=False)
     return root
@@ -137,7 +161,9 @@ def _samples_rmse(job: Job) -> float:
 
 
 def _write(store: Store, entry: CellEntry, rmse: float, bound: bool) -> None:
-    """Record, image, reference and scores of one cell, its MSE and time off by SPREAD according to its seed."""
+    """Record, image, reference and scores of one cell, its MSE and time off by SPREAD according to its
+    seed.
+    """
     job = entry.job
     off = 1.0 + SPREAD * (job.seed - (SEEDS - 1) / 2)
     reference = truth(job.parameters.get("gap", 1.0))

@@ -19,7 +19,8 @@ from pipeline.schema.sweep import parse_sweep
 from pipeline.self_reference import SelfBackend, batch_seed, judges_itself
 from pipeline.statistics.welch import Moments, compare_images
 from renderer import fingerprint
-from scenes.description import SceneDescription, Sphere
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Sphere
 from scenes.errors import PenumbraError
 from tests.kit.closed_form_scenes import LIGHTS, lit_by
 from tests.kit.mitsuba_scenes import floor, look_at, scene, shape, vector
@@ -62,7 +63,9 @@ def occluded() -> SceneDescription:
 
 
 def test_ambient_occlusion_agrees_with_mitsubas_white_sky():
-    """Two ways that share nothing: rays counted here, light of a white sky on white surfaces there; nothing is seen of the sky."""
+    """Two ways that share nothing: rays counted here, light of a white sky on white surfaces there; nothing
+    is seen of the sky.
+    """
     request = ReferenceRequest(1024, 64, quantity="ambient-occlusion")
     own, other = SelfBackend().render(occluded(), request), MitsubaBackend().render(occluded(), request)
     for result in compare_images(moments(other), moments(own), alpha=1e-3):
@@ -106,7 +109,9 @@ def test_a_sweep_leaves_out_the_estimator_that_made_the_reference(tmp_path: Path
 def test_scoring_refuses_it_too(tmp_path: Path):
     """Whatever asked for it."""
     job = Job(scene="touching-light", estimator="mis", sampler="independent", spp=1, seed=0)
-    info = ReferenceInfo(backend="self", key="k", spp=1, batches=2, rms_standard_error=0, seconds=0, image="i")
+    info = ReferenceInfo(
+        backend="self", key="k", spp=1, batches=2, rms_standard_error=0, seconds=0, image="i"
+    )
     with pytest.raises(PenumbraError, match="made by 'mis' itself"):
         score_cell(ScoreTask(tmp_path, "score", "cell", job, ("mse",), tmp_path, info))
     assert judges_itself("mitsuba", "mis") is None and judges_itself("self", "area") is None

@@ -27,7 +27,8 @@ CASES = [
     ("sky-and-sun", "mis"),
     ("asymmetric", "mis"),
 ]
-# pbrt's own picture of the bare sky reads 0.17 % less blue than the file says, and so does all that it lights.
+# pbrt's own picture of the bare sky reads 0.17 % less blue than the file says, and so does all that it
+# lights.
 COLOUR = NAMES | {"sky-and-sun": 2e-3, "asymmetric": 0.0}
 
 

@@ -1,4 +1,6 @@
-"""The camera: pbrt's left-handed space, field of view over the shorter side, box filter, and what it can see."""
+"""The camera: pbrt's left-handed space, field of view over the shorter side, box filter, and what it can
+see.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from tests.kit.scenes import look_at
 
 
 def test_x_goes_right_and_y_goes_up_as_in_pbrt():
-    """Looking along +z with y up, pbrt's camera has +x on the right: a mirrored image would be caught here."""
+    """Looking along +z with y up, pbrt's camera has +x on the right: a mirrored image would be caught
+    here.
+    """
     camera = make_camera(*look_at([0, 0, -5], [0, 0, 0], 40, 20))
     corners = np.array([0, 39, 19 * 40])
     left_top, right_top, left_bottom = camera.rays(corners, np.full((2, 3), 0.5)).T

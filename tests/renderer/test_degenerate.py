@@ -1,4 +1,7 @@
-"""Input that is degenerate: a clear error with its place, or a correct image. The table is in docs/hard-cases.md."""
+"""Input that is degenerate: a clear error with its place, or a correct image.
+
+The table is in docs/hard-cases.md.
+"""
 
 from __future__ import annotations
 
@@ -9,26 +12,38 @@ import pytest
 
 from renderer.render import render
 from scenes import load
-from scenes.description import ShapeDescription, TriangleMesh
+from scenes.description.shapes import ShapeDescription, TriangleMesh
 from scenes.errors import PenumbraError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse
 from tests.kit.scenes import GRAY, floor, patch, scene
 
-HEAD = 'LookAt 0 3 5  0 0 0  0 1 0\nCamera "perspective"\nFilm "rgb" "integer xresolution" 16 "integer yresolution" 12\nWorldBegin\n'
+HEAD = (
+    'LookAt 0 3 5  0 0 0  0 1 0\nCamera "perspective"\nFilm "rgb" "integer xresolution" 16 "integer '
+    'yresolution" 12\nWorldBegin\n'
+)
 LIT = 'LightSource "distant" "point3 from" [0 5 0]\n'
 GLOW = 'AreaLightSource "diffuse" "rgb L" [1 1 1]\n'
 POINTS = '"point3 P" [0 0 0  1 0 0  {}] "integer indices" [0 1 2]'
 
 REFUSED = {
-    "a face without area that emits": (GLOW + f'Shape "trianglemesh" {POINTS.format("2 0 0")}', r":6:1: .*no area"),
+    "a face without area that emits": (
+        GLOW + f'Shape "trianglemesh" {POINTS.format("2 0 0")}',
+        r":6:1: .*no area",
+    ),
     "a disk without radius": (GLOW + 'Shape "disk" "float radius" 0', r":6:\d+: the radius must be positive"),
-    "a sphere without radius": (GLOW + 'Shape "sphere" "float radius" -1', r":6:\d+: the radius must be positive"),
+    "a sphere without radius": (
+        GLOW + 'Shape "sphere" "float radius" -1',
+        r":6:\d+: the radius must be positive",
+    ),
     "a rectangle without area": (
         GLOW + 'Shape "bilinearmesh" "point3 P" [0 0 0  1 0 0  0 0 0  1 0 0]',
         r":6:1: .*no area",
     ),
-    "negative radiance": ('AreaLightSource "diffuse" "rgb L" [1 -1 1]\nShape "sphere"', r":5:\d+: .*negative"),
+    "negative radiance": (
+        'AreaLightSource "diffuse" "rgb L" [1 -1 1]\nShape "sphere"',
+        r":5:\d+: .*negative",
+    ),
     "NaN in a mesh": (LIT + f'Shape "trianglemesh" {POINTS.format("nan 0 1")}', r":6:\d+: "),
     "an infinite vertex": (LIT + f'Shape "trianglemesh" {POINTS.format("1e999 0 1")}', r":6:\d+: "),
     "an infinite radiance": ('LightSource "infinite" "rgb L" [inf 1 1]\nShape "sphere"', r":5:\d+: "),
@@ -48,7 +63,9 @@ def test_a_map_that_is_no_light_is_refused(value, tmp_path: Path):
     image = np.ones((8, 8), dtype=np.float32)
     image[3, 4] = value
     write_exr(tmp_path / "map.exr", {"R": image, "G": image, "B": image}, {})
-    (tmp_path / "scene.pbrt").write_text(HEAD + 'LightSource "infinite" "string filename" "map.exr"\nShape "sphere"')
+    (tmp_path / "scene.pbrt").write_text(
+        HEAD + 'LightSource "infinite" "string filename" "map.exr"\nShape "sphere"'
+    )
     with pytest.raises(PenumbraError, match=r"map\.exr|texel|environment"):
         render(load(str(tmp_path / "scene.pbrt")), spp=1)
 
@@ -56,7 +73,9 @@ def test_a_map_that_is_no_light_is_refused(value, tmp_path: Path):
 def test_negative_texels_of_a_map_are_black_as_pbrts_are(tmp_path: Path):
     image = np.full((8, 8), -1.0, dtype=np.float32)
     write_exr(tmp_path / "map.exr", {"R": image, "G": image, "B": image}, {})
-    (tmp_path / "scene.pbrt").write_text(HEAD + 'LightSource "infinite" "string filename" "map.exr"\nShape "sphere"')
+    (tmp_path / "scene.pbrt").write_text(
+        HEAD + 'LightSource "infinite" "string filename" "map.exr"\nShape "sphere"'
+    )
     result = render(load(str(tmp_path / "scene.pbrt")), spp=4)
     assert not result.image.any() and result.nonfinite == 0
 
@@ -81,8 +100,11 @@ def test_faces_without_area_needles_and_duplicates_are_harmless_where_they_do_no
 def test_duplicated_vertices_change_nothing():
     lamp = patch([-0.5, 2.0, -0.5], [1, 0, 0], [0, 0, 1], [3.0, 2, 1])
     whole = floor()
-    split = TriangleMesh(whole.geometry.vertices[whole.geometry.faces].reshape(-1, 3), np.arange(6).reshape(2, 3))
+    split = TriangleMesh(
+        whole.geometry.vertices[whole.geometry.faces].reshape(-1, 3), np.arange(6).reshape(2, 3)
+    )
     a, b = (
-        render(scene([s, lamp]), estimator="mis", spp=8).image for s in (whole, ShapeDescription(split, whole.material))
+        render(scene([s, lamp]), estimator="mis", spp=8).image
+        for s in (whole, ShapeDescription(split, whole.material))
     )
     np.testing.assert_array_equal(a, b)

@@ -9,7 +9,9 @@ from renderer.film import BLOCK, Film, PixelSums, keep_largest, luminance
 
 def test_blocks_merge_to_the_moments_of_all_samples():
     rng = np.random.default_rng(0)
-    radiance = rng.lognormal(size=(3, 100, 7)) + 1e6  # a large mean: a naive sum of squares would lose every digit
+    radiance = (
+        rng.lognormal(size=(3, 100, 7)) + 1e6
+    )  # a large mean: a naive sum of squares would lose every digit
     reflected = radiance * 0.5
     sums = PixelSums(7)
     for first in range(0, 100, BLOCK):

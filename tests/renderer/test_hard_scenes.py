@@ -1,7 +1,8 @@
-"""Whole scenes where arithmetic is tried: scaled, moved, with lights of any size, coincident surfaces, sealed boxes.
+"""Whole scenes where arithmetic is tried: scaled, moved, with lights of any size, coincident surfaces, sealed
+boxes.
 
-Scenes are rendered with the same random numbers as the plain one, so that images must agree far below their noise, and any
-difference is one of rounding: a leak, acne, a lost light.
+Scenes are rendered with the same random numbers as the plain one, so that images must agree far below their
+noise, and any difference is one of rounding: a leak, acne, a lost light.
 """
 
 from __future__ import annotations
@@ -13,15 +14,8 @@ import pytest
 
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.render import render
-from scenes.description import (
-    Disk,
-    DistantLight,
-    Environment,
-    PointLight,
-    Sphere,
-    SpotLight,
-    TriangleMesh,
-)
+from scenes.description.lights import DistantLight, Environment, PointLight, SpotLight
+from scenes.description.shapes import Disk, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 from tests.kit.scenes import box, floor, light, moved, patch, scene
 
@@ -32,7 +26,13 @@ LAMPS = {
     "disk": ([light(Disk(np.array([0.0, 2.0, 0.0]), DOWN, 0.5))], ()),
     "sphere": ([light(Sphere(np.array([0.0, 2.0, 0.0]), 0.4))], ()),
     "triangle": (
-        [light(TriangleMesh(np.array([[-0.5, 2.0, -0.5], [0.5, 2.0, -0.5], [0.0, 2.0, 0.5]]), np.array([[0, 1, 2]])))],
+        [
+            light(
+                TriangleMesh(
+                    np.array([[-0.5, 2.0, -0.5], [0.5, 2.0, -0.5], [0.0, 2.0, 0.5]]), np.array([[0, 1, 2]])
+                )
+            )
+        ],
         (),
     ),
     "environment": ([], (Environment(WHITE),)),
@@ -57,10 +57,12 @@ def applicable(given) -> list[str]:
 
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_scaled_and_moved_scenes_give_the_plain_image(lamp):
-    """Pixels that differ by more than 1e-3 are those where a shadow ray or a camera ray passes an edge: a handful of samples.
+    """Pixels that differ by more than 1e-3 are those where a shadow ray or a camera ray passes an edge: a
+    handful of samples.
 
-    With 8 samples a pixel one sample that falls on the other side moves its pixel by an eighth or so; 0.5 % of pixels, and a
-    mean within 1e-4, leave room for those and for nothing else: acne or a leak at any scale takes whole regions.
+    With 8 samples a pixel one sample that falls on the other side moves its pixel by an eighth or so; 0.5 %
+    of pixels, and a mean within 1e-4, leave room for those and for nothing else: acne or a leak at any scale
+    takes whole regions.
     """
     plain = lit_by(lamp)
     for name in applicable(plain):
@@ -76,10 +78,12 @@ def test_scaled_and_moved_scenes_give_the_plain_image(lamp):
 @pytest.mark.parametrize("lamp", ["rectangle", "disk", "sphere", "triangle"])
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3, 1e6])
 def test_lights_of_any_size_give_what_they_must(lamp, size):
-    """Radiance falls with the square of the size, so that the floor far below a small light gets the same; a light of 1e6 fills the sky.
+    """Radiance falls with the square of the size, so that the floor far below a small light gets the same; a
+    light of 1e6 fills the sky.
 
-    Small lights: E at the point below tends to I/h^2, with I = L A of a flat light, 1 % off at size 1e-1 and less below.
-    Large ones: L pi from a full hemisphere (the sphere is entered: it is lit from inside nowhere, and has its own test).
+    Small lights: E at the point below tends to I/h^2, with I = L A of a flat light, 1 % off at size 1e-1 and
+    less below. Large ones: L pi from a full hemisphere (the sphere is entered: it is lit from inside nowhere,
+    and has its own test).
     """
     shapes, _ = LAMPS[lamp]
     given = shapes[0]
@@ -87,18 +91,25 @@ def test_lights_of_any_size_give_what_they_must(lamp, size):
     if size < 1:
         shrunk = moved(scene([given]), size, (0.0, 2.0 - 2.0 * size, 0.0)).shapes[0]
         assert shrunk.emission is not None
-        shrunk = replace(shrunk, emission=replace(shrunk.emission, radiance=given.emission.radiance / size**2))
+        shrunk = replace(
+            shrunk, emission=replace(shrunk.emission, radiance=given.emission.radiance / size**2)
+        )
         here = replace(plain, shapes=(plain.shapes[0], shrunk))
         area = {"rectangle": 1.0, "disk": np.pi / 4, "sphere": np.pi * 0.16, "triangle": 0.5}[lamp]
         expected = 0.5 / np.pi * given.emission.radiance * area / 4.0
         for name in ("area", "solid-angle", "mis", "projected-solid-angle"):
             if not ESTIMATORS[name].refuses(here):
                 image = render(here, estimator=name, spp=64).image
-                # 64 x 16 samples of a light that is nearly a point: no noise to speak of but on the back half of a sphere
+                # 64 x 16 samples of a light that is nearly a point: no noise to speak of but on the back half
+                # of a sphere
                 slack = 0.15 if (lamp, name) == ("sphere", "area") else 0.02
                 np.testing.assert_allclose(image.mean(axis=(0, 1)), expected, rtol=slack)
     elif lamp != "sphere":
-        centre = given.geometry.vertices.mean(axis=0) if hasattr(given.geometry, "vertices") else given.geometry.center
+        centre = (
+            given.geometry.vertices.mean(axis=0)
+            if hasattr(given.geometry, "vertices")
+            else given.geometry.center
+        )
         grown = moved(scene([given]), size, tuple(np.array([0.0, 2.0, 0.0]) - size * centre)).shapes[0]
         here = replace(plain, shapes=(plain.shapes[0], grown))
         for name in ("solid-angle", "mis", "hemisphere", "cosine", "projected-solid-angle"):
@@ -149,7 +160,10 @@ def test_surfaces_that_coincide_shade_each_other_nowhere():
 
 
 def test_a_light_nearer_than_rays_can_tell_is_refused_where_triangles_may_lie_in_between():
-    """Down to ten bounds it is rendered; below, only if nothing can lie in between. Ten bounds of this floor are 6e-5."""
+    """Down to ten bounds it is rendered; below, only if nothing can lie in between.
+
+    Ten bounds of this floor are 6e-5.
+    """
     between = box([3.0, 0.5, 0.0], 0.1)  # reaches below the light, far aside
     for h, refused in ((1e-3, False), (1e-5, True), (1e-8, True)):
         low = patch([-0.5, h, -0.5], [1, 0, 0], [0, 0, 1], WHITE)

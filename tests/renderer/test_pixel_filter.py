@@ -1,4 +1,6 @@
-"""Pixel filters: samples follow the filter, which is checked by moments that have closed forms and by the whole profile."""
+"""Pixel filters: samples follow the filter, which is checked by moments that have closed forms and by the
+whole profile.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ import pytest
 
 from renderer.camera import make_camera
 from renderer.pixel_filter import offsets
-from scenes.description import Film, PerspectiveCamera, PixelFilter
+from scenes.description.scene import Film, PerspectiveCamera, PixelFilter
 
 U = (np.arange(200_000) + 0.5) / 200_000
 
@@ -32,7 +34,9 @@ def profile(f: PixelFilter, x: np.ndarray) -> np.ndarray:
     ],
 )
 def test_samples_follow_the_filter(f):
-    """Shares in 40 bins to 1e-5, with 2e5 equidistant numbers: catches an inverse that is off by 1e-4 anywhere."""
+    """Shares in 40 bins to 1e-5, with 2e5 equidistant numbers: catches an inverse that is off by 1e-4
+    anywhere.
+    """
     x = offsets(f)(np.stack([U, U]))[0] - 0.5
     edges = np.linspace(-f.xradius, f.xradius, 41)
     found = np.histogram(x, edges)[0] / x.size

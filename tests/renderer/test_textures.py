@@ -11,21 +11,10 @@ from renderer import build
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.render import render
 from renderer.textures import brightest, evaluate
-from scenes.description import (
-    BilinearMesh,
-    Checkerboard,
-    Diffuse,
-    Disk,
-    Emission,
-    Environment,
-    ImageTexture,
-    Mix,
-    Product,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-    UVMapping,
-)
+from scenes.description.lights import Environment
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, UVMapping
 from scenes.errors import SceneError
 from tests.kit.scenes import floor, light, scene
 
@@ -41,7 +30,9 @@ def at(texture, *uv):
 
 def test_images_have_their_first_row_at_v_1():
     texture = ImageTexture(FOUR, filter="point")
-    np.testing.assert_array_equal(at(texture, (0.2, 0.9), (0.8, 0.9), (0.2, 0.1), (0.8, 0.1)), FOUR.reshape(4, 3))
+    np.testing.assert_array_equal(
+        at(texture, (0.2, 0.9), (0.8, 0.9), (0.2, 0.1), (0.8, 0.1)), FOUR.reshape(4, 3)
+    )
 
 
 def test_bilinear_images_are_the_texels_at_their_centres_and_their_mean_in_the_middle():
@@ -98,7 +89,9 @@ def test_mappings_scale_and_shift():
 
 def test_checkerboards_mixes_and_products():
     board = Checkerboard(RED, GREEN, UVMapping(4.0, 4.0))
-    np.testing.assert_array_equal(at(board, (0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (-0.1, 0.1)), [RED, GREEN, RED, GREEN])
+    np.testing.assert_array_equal(
+        at(board, (0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (-0.1, 0.1)), [RED, GREEN, RED, GREEN]
+    )
     np.testing.assert_allclose(at(Mix(RED, GREEN, np.full(3, 0.25)), (0, 0)), [0.75 * RED + 0.25 * GREEN])
     np.testing.assert_allclose(at(Product(board, np.full(3, 0.5)), (0.3, 0.1)), [GREEN / 2])
     np.testing.assert_allclose(brightest(Product(board, np.full(3, 0.5))), [0.4, 0.3, 0.05])
@@ -108,7 +101,9 @@ def coordinates(geometry, points, **more):
     """uv (m, 2) of points (m, 3) on the only shape of a scene, through the hits that the renderer finds."""
     board = Checkerboard(RED, GREEN)
     built = build(
-        scene([ShapeDescription(geometry, Diffuse(board), **more), light(Sphere(np.array([0.0, 50, 0]), 1.0))])
+        scene(
+            [ShapeDescription(geometry, Diffuse(board), **more), light(Sphere(np.array([0.0, 50, 0]), 1.0))]
+        )
     )
     assert built.coordinates is not None
     p = np.array(points, dtype=float).T
@@ -143,7 +138,9 @@ def test_patches_have_their_parameters(emission):
 
 
 def test_spheres_and_disks_have_angles_about_their_own_axes():
-    turned = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # own x is world y, own y is world z, own z is world x
+    turned = np.array(
+        [[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    )  # own x is world y, own y is world z, own z is world x
     ball = Sphere(np.zeros(3), 2.0, frame=turned)
     # towards own +x, own +y, own -y; the pole has v = 1 and any u
     np.testing.assert_allclose(
@@ -151,7 +148,9 @@ def test_spheres_and_disks_have_angles_about_their_own_axes():
     )
     assert coordinates(ball, [[2, 0, 0]])[0, 1] == 1.0
     plate = Disk(np.zeros(3), np.array([1.0, 0, 0]), 2.0, frame=turned)
-    np.testing.assert_allclose(coordinates(plate, [[0, 0, 1.0], [0, -2, 0]]), [[0.25, 0.5], [0.5, 0.0]], atol=1e-15)
+    np.testing.assert_allclose(
+        coordinates(plate, [[0, 0, 1.0], [0, -2, 0]]), [[0.25, 0.5], [0.5, 0.0]], atol=1e-15
+    )
 
 
 def test_a_texture_on_a_patch_that_is_no_parallelogram_is_refused():
@@ -164,7 +163,9 @@ def test_a_texture_on_a_patch_that_is_no_parallelogram_is_refused():
 
 def test_a_textured_floor_under_a_constant_sky_shows_its_texture():
     """Radiance rho everywhere: a white-furnace floor seen head on is its own texture, row for row."""
-    shape = ShapeDescription(BilinearMesh(QUAD, np.array([[0, 1, 2, 3]])), Diffuse(ImageTexture(FOUR, filter="point")))
+    shape = ShapeDescription(
+        BilinearMesh(QUAD, np.array([[0, 1, 2, 3]])), Diffuse(ImageTexture(FOUR, filter="point"))
+    )
     given = replace(
         scene(
             [shape],
@@ -177,14 +178,17 @@ def test_a_textured_floor_under_a_constant_sky_shows_its_texture():
         lights=(Environment(np.ones(3)),),
     )
     image = render(given, estimator="cosine", spp=4).image
-    # Looking down with up = +z: right is world +x, so u grows to the right, v upwards: the picture as it is stored.
+    # Looking down with up = +z: right is world +x, so u grows to the right, v upwards: the picture as it is
+    # stored.
     expected = FOUR.repeat(2, axis=0).repeat(2, axis=1)
     np.testing.assert_allclose(image, expected, rtol=1e-9)
 
 
 def test_a_light_with_a_picture_is_seen_and_sheds_it():
     """Seen from below as it is laid; its light on a floor is that of four lights of one colour each."""
-    mesh = BilinearMesh(QUAD + np.array([0, 2.0, 0]), np.array([[0, 1, 2, 3]]))  # normal u x v = x x z = -y: down
+    mesh = BilinearMesh(
+        QUAD + np.array([0, 2.0, 0]), np.array([[0, 1, 2, 3]])
+    )  # normal u x v = x x z = -y: down
     whole = ShapeDescription(
         mesh, Diffuse(np.zeros(3)), Emission(np.full(3, 4.0), image=FOUR.repeat(64, 0).repeat(64, 1))
     )
@@ -198,6 +202,8 @@ def test_a_light_with_a_picture_is_seen_and_sheds_it():
     for name in ("area", "solid-angle", "mis", "cosine", "projected-solid-angle"):
         a, b = (render(s, estimator=name, spp=256, seed=k) for k, s in enumerate((one, four)))
         se = np.sqrt((a.variance + b.variance).sum(axis=(0, 1)))
-        assert np.all(np.abs((a.image - b.image).sum(axis=(0, 1))) < 4 * se + 0.004 * b.image.sum(axis=(0, 1))), name
+        assert np.all(
+            np.abs((a.image - b.image).sum(axis=(0, 1))) < 4 * se + 0.004 * b.image.sum(axis=(0, 1))
+        ), name
         assert not np.allclose(b.image.mean(axis=(0, 1)), b.image.mean(axis=(0, 1))[::-1])
     assert "closed form" in str(ESTIMATORS["analytic-visibility"].refuses(one))

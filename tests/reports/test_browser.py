@@ -1,7 +1,7 @@
 """The report in a real browser: Debian's chromium, headless, the page opened from disk with the network off.
 
-Runs on the report of the small run, and on that of the demo: the one that PENUMBRA_REPORT names (`.ci/run` does), or
-runs/demo/report where it lies. Screenshots are kept in runs/screenshots.
+Runs on the report of the small run, and on that of the demo: the one that PENUMBRA_REPORT names (`.ci/run`
+does), or runs/demo/report where it lies. Screenshots are kept in runs/screenshots.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ PIXELS = """canvas => {
 # What sticks out of the window, but for what scrolls inside its own box.
 OVERHANG = """() => Array.from(document.querySelectorAll("main *"))
   .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1 && !e.closest(".scroll *, .plot svg, .flip *"))
-  .map(e => e.tagName + "." + e.className)"""
+  .map(e => e.tagName + "." + e.className)"""  # noqa: E501
 
 
 @dataclass
@@ -73,7 +73,9 @@ def opened(playwright: Playwright, request: pytest.FixtureRequest) -> Iterator[O
     context = browser.new_context(viewport={"width": WIDE, "height": 900}, offline=True)
     context.set_default_timeout(DRAWN)
     found = Opened(context.new_page(), request.param)
-    found.page.on("console", lambda message: found.errors.append(message.text) if message.type == "error" else None)
+    found.page.on(
+        "console", lambda message: found.errors.append(message.text) if message.type == "error" else None
+    )
     found.page.on("pageerror", lambda error: found.errors.append(str(error)))
     found.page.route("**/*", lambda route: _only_files(route, found))
     found.page.goto(report.resolve().as_uri())
@@ -97,7 +99,9 @@ def _book(opened: Opened) -> Locator:
     place = opened.page.locator(".flip").first
     place.scroll_into_view_if_needed()
     _shown(place).wait_for(state="visible")
-    opened.page.wait_for_function(f"canvas => ({PIXELS})(canvas).values > 8", arg=_shown(place).element_handle())
+    opened.page.wait_for_function(
+        f"canvas => ({PIXELS})(canvas).values > 8", arg=_shown(place).element_handle()
+    )
     return place
 
 
@@ -110,7 +114,9 @@ def _pixels(place: Locator) -> Any:
 
 
 def _tab(place: Locator) -> str:
-    """The name of the picture that the flip book says it shows: the one button of another colour than its neighbours."""
+    """The name of the picture that the flip book says it shows: the one button of another colour than its
+    neighbours.
+    """
     buttons = place.locator("[tabindex='1'] button")
     colors = buttons.evaluate_all("all => all.map(b => getComputedStyle(b).backgroundColor)")
     odd = [i for i, color in enumerate(colors) if colors.count(color) == 1]
@@ -119,7 +125,9 @@ def _tab(place: Locator) -> str:
 
 
 def test_every_plot_is_drawn_with_every_point(opened: Opened) -> None:
-    """Catches a figure that stays empty, and points that fall outside its axes or are dropped by the logarithm."""
+    """Catches a figure that stays empty, and points that fall outside its axes or are dropped by the
+    logarithm.
+    """
     figures = opened.page.locator(".plotly-graph-div")
     assert figures.count() >= 2
     for number in range(figures.count()):
@@ -153,7 +161,9 @@ def test_markers_lie_inside_their_axes(opened: Opened) -> None:
 
 
 def test_stills_are_loaded(opened: Opened) -> None:
-    widths = opened.page.locator(".stills img").evaluate_all("all => all.map(i => i.complete && i.naturalWidth)")
+    widths = opened.page.locator(".stills img").evaluate_all(
+        "all => all.map(i => i.complete && i.naturalWidth)"
+    )
     assert len(widths) >= 6 and all(width > 0 for width in widths)
 
 
@@ -162,7 +172,9 @@ def test_the_viewer_flips_on_a_key(opened: Opened) -> None:
     _shown(place).click()
     first, name = _pixels(place), _tab(place)
     opened.page.keyboard.press("2")
-    opened.page.wait_for_function(f"canvas => ({PIXELS})(canvas).values > 8", arg=_shown(place).element_handle())
+    opened.page.wait_for_function(
+        f"canvas => ({PIXELS})(canvas).values > 8", arg=_shown(place).element_handle()
+    )
     assert _tab(place) != name and "reference" in name
     assert _pixels(place) != first
     opened.page.keyboard.press("ArrowLeft")
@@ -190,7 +202,9 @@ def test_error_maps_are_in_false_colours(opened: Opened) -> None:
     _shown(place).click()
     place.locator("[tabindex='1'] button").last.click()
     assert "error" in _tab(place)
-    opened.page.wait_for_function(f"canvas => ({PIXELS})(canvas).values > 8", arg=_shown(place).element_handle())
+    opened.page.wait_for_function(
+        f"canvas => ({PIXELS})(canvas).values > 8", arg=_shown(place).element_handle()
+    )
     colored = _shown(place).evaluate(
         """canvas => {
           const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
@@ -233,7 +247,9 @@ def test_nothing_is_cut_off(opened: Opened, width: int) -> None:
 
 
 def test_tables_fit_at_the_usual_width(opened: Opened) -> None:
-    boxes = opened.page.locator(".scroll").evaluate_all("all => all.map(box => [box.scrollWidth, box.clientWidth])")
+    boxes = opened.page.locator(".scroll").evaluate_all(
+        "all => all.map(box => [box.scrollWidth, box.clientWidth])"
+    )
     assert len(boxes) >= 4 and all(inner <= outer for inner, outer in boxes), boxes
 
 

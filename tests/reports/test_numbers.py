@@ -46,7 +46,9 @@ def line(panel: Panel, estimator: str, sampler: str = "independent") -> Series:
 
 
 def test_replicates_become_one_point_with_students_interval(samples: Panel) -> None:
-    """Catches an interval that is not over the seeds: Student's, two degrees of freedom, on the MSE, then the root."""
+    """Catches an interval that is not over the seeds: Student's, two degrees of freedom, on the MSE, then the
+    root.
+    """
     half = stats.t.isf(0.025, SEEDS - 1) * SPREAD / math.sqrt(SEEDS)
     for estimator, sigma in SIGMA.items():
         points = line(samples, estimator).points
@@ -95,7 +97,9 @@ def test_no_slope_from_one_point(samples: Panel) -> None:
 
 
 def test_comparisons_are_ratios_of_efficiency_where_both_are_measured(samples: Panel) -> None:
-    """Solid angle has half the error at the same time, so four times the efficiency; sobol at 16 spp has 16 times."""
+    """Solid angle has half the error at the same time, so four times the efficiency; sobol at 16 spp has 16
+    times.
+    """
     found = {c.series.sampler: c for c in by_estimator(samples)}
     assert (found["independent"].spp, found["sobol"].spp) == (64, 16)
     assert [found[s].ratio.value for s in ("independent", "sobol")] == pytest.approx([4, 4])
@@ -149,7 +153,8 @@ def test_cost_sentences(samples: Panel) -> None:
     assert "Area with sobol: at the pace of the last measured step, 4 to 16 spp, 2.00 (" in told[1]
     assert "64 spp is below the reference's noise" in told[1]
     assert any(
-        "solid-angle was 4.00 (" in sentence and "as efficient as area at 64 spp" in sentence for sentence in told
+        "solid-angle was 4.00 (" in sentence and "as efficient as area at 64 spp" in sentence
+        for sentence in told
     )
 
 
@@ -162,8 +167,12 @@ def test_what_was_left_out_of_a_scene_is_said_where_the_scene_is(run: Run) -> No
 
 def test_stability_sentences(overflow: Panel) -> None:
     fails, holds = stability_sentences(overflow)
-    assert fails.startswith("Area is untrustworthy at gap = 0.01 and 0.0001: there the samples of 6 of 6 images")
-    assert holds.startswith("Solid-angle holds from gap = 1 to 0.0001: the samples of all 9 images can be trusted")
+    assert fails.startswith(
+        "Area is untrustworthy at gap = 0.01 and 0.0001: there the samples of 6 of 6 images"
+    )
+    assert holds.startswith(
+        "Solid-angle holds from gap = 1 to 0.0001: the samples of all 9 images can be trusted"
+    )
     assert "RMSE 0.0200" in holds
 
 
@@ -181,7 +190,9 @@ def test_promises(run: Run) -> None:
 
 
 def test_relmse_is_told_where_it_tells_another_story(samples: Panel) -> None:
-    """Both errors are halved in the small run; here relMSE of solid angle is a hundredth besides, MSE is not."""
+    """Both errors are halved in the small run; here relMSE of solid angle is a hundredth besides, MSE is
+    not.
+    """
     solid = line(samples, "solid-angle")
     last = solid.points[-1]
     relmse = last.scores["relmse"]
@@ -239,14 +250,21 @@ def test_a_run_says_what_it_does_not_show(run: Run) -> None:
     ],
 )
 def test_three_significant_digits(value: float | None, text: str) -> None:
-    """Catches rounding that crosses a power of ten (999.96, 0.0009996) and exponents of the machine's own making."""
+    """Catches rounding that crosses a power of ten (999.96, 0.0009996) and exponents of the machine's own
+    making.
+    """
     assert sig(value) == text
 
 
 def test_other_texts() -> None:
     assert [plain(x) for x in (1.0, 0.01, 1e-5, 2.5e-7, -1e-5)] == ["1", "0.01", "10⁻⁵", "2.5×10⁻⁷", "−10⁻⁵"]
     assert [millions(x) for x in (12, 1234, 2.5e6)] == ["12", "1.23 k", "2.50 M"]
-    assert [listing(x) for x in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
+    assert [listing(x) for x in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == [
+        "",
+        "a",
+        "a and b",
+        "a, b and c",
+    ]
     assert [count(n, "image") for n in (0, 1, 2)] == ["no image", "1 image", "2 images"]
     assert (power_of_ten(0), power_of_ten(3)) == ("1", "10³")
     assert (spread([0.1, 0.3]), spread([0.1, 0.1])) == ("0.100 to 0.300", "0.100")

@@ -78,7 +78,9 @@ def test_the_report_can_be_carried_elsewhere(small_page: Path, tmp_path: Path) -
 
 
 def test_no_number_of_an_untrustworthy_image_is_on_the_page(small_page: Path) -> None:
-    """The scores on disk say an RMSE of FORBIDDEN: neither that nor its square may be read anywhere, hover texts included."""
+    """The scores on disk say an RMSE of FORBIDDEN: neither that nor its square may be read anywhere, hover
+    texts included.
+    """
     text = small_page.read_text(encoding="utf-8")
     for value in (FORBIDDEN, FORBIDDEN**2, 2 * FORBIDDEN**2):
         assert sig(value) not in text and f"{value:.3g}" not in text
@@ -141,8 +143,10 @@ def test_a_folder_that_cannot_be_written(small_run: Path, tmp_path: Path) -> Non
 def test_a_report_renders_nothing_and_needs_no_renderer(small_run: Path, tmp_path: Path) -> None:
     """Runs where renderer, mitsuba and embreex cannot be imported at all."""
     code = (
-        "import sys; sys.modules.update(dict.fromkeys(['renderer', 'mitsuba', 'embreex', 'pipeline.references']));"
-        "from pathlib import Path; from reports import write_report; print(write_report(Path(sys.argv[1]), Path(sys.argv[2])))"
+        "import sys; sys.modules.update(dict.fromkeys(['renderer', 'mitsuba', 'embreex', "
+        "'pipeline.references']));"
+        "from pathlib import Path; from reports import write_report; print(write_report(Path(sys.argv[1]), "
+        "Path(sys.argv[2])))"
     )
     command = [sys.executable, "-c", code, str(small_run), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
@@ -172,7 +176,9 @@ def test_the_viewer_shows_both_ends_and_the_middle_of_a_parameter(small_page: Pa
 
 
 def test_the_viewer_keeps_what_is_no_number_and_what_halves_cannot_hold() -> None:
-    """NaN and infinity have to be seen; a scene of radiance 1e-7 or 1e6 is not to turn black or white for want of bits."""
+    """NaN and infinity have to be seen; a scene of radiance 1e-7 or 1e6 is not to turn black or white for
+    want of bits.
+    """
     image = np.full((2, 2, 3), 0.5)
     image[0, 0], image[0, 1] = np.nan, np.inf
     for scale, kind, code in ((1.0, "half", "<f2"), (1e-7, "single", "<f4"), (1e6, "single", "<f4")):

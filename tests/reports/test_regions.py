@@ -57,7 +57,9 @@ def test_the_page_shows_where_the_error_is(root: Path, tmp_path: Path) -> None:
 
 
 def test_below_the_reference_noise_no_figure_is_bare(root: Path) -> None:
-    """The last sobol point is a bound: every figure of its row that holds the reference's noise is one, and points the right way."""
+    """The last sobol point is a bound: every figure of its row that holds the reference's noise is one, and
+    points the right way.
+    """
     table = error_table(panels(root)[0])
     titles = [heading.title for heading in table.headings]
     row = next(r for r in table.rows if r.cells[-1].text == "upper bound")
@@ -82,7 +84,9 @@ def test_bounds_point_the_way_that_is_safe() -> None:
 
 
 @pytest.mark.parametrize(("low", "high", "told"), [(0.9, 1.2, True), (1.05, 1.2, False), (0.8, 0.95, False)])
-def test_a_ratio_whose_interval_holds_one_shows_no_difference(root: Path, low: float, high: float, told: bool) -> None:
+def test_a_ratio_whose_interval_holds_one_shows_no_difference(
+    root: Path, low: float, high: float, told: bool
+) -> None:
     panel = panels(root)[0]
     one = by_estimator(panel)[0]
     found = Comparison(panel, one.series, one.base, one.spp, Interval((low + high) / 2, low, high), None)

@@ -1,4 +1,6 @@
-"""Spectra as linear sRGB, against integrals of our own, published colours, and the Fresnel equations in complex numbers."""
+"""Spectra as linear sRGB, against integrals of our own, published colours, and the Fresnel equations in
+complex numbers.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def observer() -> np.ndarray:
         warnings.simplefilter("ignore")
         import colour
     return np.asarray(
-        colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].align(colour.SpectralShape(360, 830, 1)).values
+        colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+        .align(colour.SpectralShape(360, 830, 1))
+        .values
     )
 
 
@@ -51,7 +55,9 @@ def listed(wavelengths: list[float], values: list[float], role: colours.Role) ->
 
 
 def fresnel(cosine: np.ndarray, eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Unpolarised reflectance from Snell's law and the amplitude coefficients, in complex numbers throughout."""
+    """Unpolarised reflectance from Snell's law and the amplitude coefficients, in complex numbers
+    throughout.
+    """
     index = eta + 1j * k
     inner = np.sqrt(1 - (1 - cosine**2) / index**2)
     p = (index * cosine - inner) / (index * cosine + inner)
@@ -61,7 +67,9 @@ def fresnel(cosine: np.ndarray, eta: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kelvin", [2000.0, 2856.0, 4000.0, 6500.0, 15000.0])
 def test_a_black_body_has_its_chromaticity_and_luminance_one(kelvin):
-    """Catches a wrong Planck constant, a wrong white point, a norm by the maximum: 2e-4 in x, y is a tenth of a step of sight."""
+    """Catches a wrong Planck constant, a wrong white point, a norm by the maximum: 2e-4 in x, y is a tenth of
+    a step of sight.
+    """
     rgb = colours.blackbody(kelvin)
     xyz = observer().T @ planck(kelvin)
     np.testing.assert_allclose(chromaticity(rgb), xyz[:2] / xyz.sum(), atol=2e-4)
@@ -69,10 +77,16 @@ def test_a_black_body_has_its_chromaticity_and_luminance_one(kelvin):
 
 
 def test_black_bodies_stand_where_the_planckian_locus_is_published():
-    """x, y of 6500 K and of illuminant A, to the digits of the tables; CIE defines A as 2848 K with c2 = 1.435e-2, today's 2855.5 K."""
+    """x, y of 6500 K and of illuminant A, to the digits of the tables; CIE defines A as 2848 K with c2 =
+    1.435e-2, today's 2855.5 K.
+    """
     np.testing.assert_allclose(chromaticity(colours.blackbody(6500.0)), [0.3135, 0.3237], atol=2e-4)
-    np.testing.assert_allclose(chromaticity(colours.named("stdillum-A", "illuminant")), [0.44757, 0.40745], atol=2e-4)
-    np.testing.assert_allclose(colours.blackbody(2855.5), colours.named("stdillum-A", "illuminant"), atol=1e-3)
+    np.testing.assert_allclose(
+        chromaticity(colours.named("stdillum-A", "illuminant")), [0.44757, 0.40745], atol=2e-4
+    )
+    np.testing.assert_allclose(
+        colours.blackbody(2855.5), colours.named("stdillum-A", "illuminant"), atol=1e-3
+    )
 
 
 def test_colours_outside_srgb_lose_their_negative_part_only():
@@ -98,7 +112,7 @@ def test_every_illuminant_has_luminance_one(name):
 
 @pytest.mark.parametrize(
     ("name", "xy"),
-    [("stdillum-D50", (0.34567, 0.35850)), ("stdillum-F2", (0.37208, 0.37529)), ("stdillum-F11", (0.38052, 0.37713)),
+    [("stdillum-D50", (0.34567, 0.35850)), ("stdillum-F2", (0.37208, 0.37529)), ("stdillum-F11", (0.38052, 0.37713)),  # noqa: E501
      ("illum-acesD60", (0.32168, 0.33767))],
 )  # fmt: skip
 def test_illuminants_have_their_published_chromaticities(name, xy):
@@ -128,7 +142,9 @@ def test_reflectances_are_seen_under_d65():
 
 def test_a_listed_spectrum_is_zero_outside_its_list_and_linear_inside():
     half = listed([400, 600], [1.0, 1.0], "unbounded")
-    np.testing.assert_allclose(half, listed([300, 399.999, 400, 600, 600.001, 900], [0, 0, 1, 1, 0, 0], "unbounded"))
+    np.testing.assert_allclose(
+        half, listed([300, 399.999, 400, 600, 600.001, 900], [0, 0, 1, 1, 0, 0], "unbounded")
+    )
     np.testing.assert_allclose(
         listed([300, 900], [0.0, 6.0], "unbounded"), colours.sampled(NM, (NM - 300) / 100, "unbounded")
     )
@@ -165,7 +181,7 @@ def test_unknown_names_are_errors_that_list_what_there_is():
 
 @pytest.mark.parametrize(
     ("name", "published"),
-    [("metal-Ag", (0.972, 0.960, 0.915)), ("metal-Al", (0.913, 0.922, 0.924)), ("metal-Au", (1.0, 0.782, 0.344)),
+    [("metal-Ag", (0.972, 0.960, 0.915)), ("metal-Al", (0.913, 0.922, 0.924)), ("metal-Au", (1.0, 0.782, 0.344)),  # noqa: E501
      ("metal-Cu", (0.955, 0.638, 0.538)), ("metal-CuZn", (0.910, 0.778, 0.423))],
 )  # fmt: skip
 def test_metals_have_their_published_colours(name, published):
@@ -182,7 +198,8 @@ ERRORS = {"Ag": 4e-4, "Al": 1e-3, "Au": 0.0225, "Cu": 0.011, "CuZn": 0.005, "MgO
 
 @pytest.mark.parametrize("name", ERRORS)
 def test_metals_keep_their_look_at_all_angles(name):
-    """Against the spectral Fresnel reflectance under D65 at 0 to 85 degrees; the bounds are what `metal` states, rounded up.
+    """Against the spectral Fresnel reflectance under D65 at 0 to 85 degrees; the bounds are what `metal`
+    states, rounded up.
 
     eta as a mean with positive weights, the obvious choice, fails for Al, Cu and CuZn (0.013, 0.035, 0.009).
     """

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scenes import files, load
-from scenes.description import Sphere, TriangleMesh
+from scenes.description.shapes import Sphere, TriangleMesh
 from scenes.errors import SceneError
 from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.text import stream
@@ -34,7 +34,9 @@ def test_files_outside_the_scene_s_folder_must_be_allowed(tmp_path: Path) -> Non
     outside.write_text(BALL)
     for name in ("../part.pbrt", str(outside), "../inner/../part.pbrt"):
         path = scene_in(tmp_path, f'Include "{name}"')
-        with pytest.raises(SceneError, match=r"s\.pbrt:7:1: .*lies outside the folder of the scene.*--allow-outside"):
+        with pytest.raises(
+            SceneError, match=r"s\.pbrt:7:1: .*lies outside the folder of the scene.*--allow-outside"
+        ):
             parse_file(path)
         assert len(parse_file(path, allow_outside=True).shapes) == 1
         assert len(load(str(path), allow_outside=True).shapes) == 1
@@ -105,7 +107,9 @@ def test_files_are_read_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(SceneError, match="larger than 0 MiB"):
         parse_file(tmp_path / "s.pbrt")
     (tmp_path / "s.pbrt").write_text(HEAD + 'Include "a.pbrt.gz"')
-    (tmp_path / "a.pbrt.gz").write_bytes(gzip.compress(b" " * 10**7))  # a small file that would fill the memory
+    (tmp_path / "a.pbrt.gz").write_bytes(
+        gzip.compress(b" " * 10**7)
+    )  # a small file that would fill the memory
     with pytest.raises(SceneError, match=r"s\.pbrt:7:1: .*larger than"):
         parse_file(tmp_path / "s.pbrt")
     (tmp_path / "a.pbrt.gz").write_bytes(gzip.compress(BALL.encode()))
@@ -182,12 +186,18 @@ def test_indices_far_inside_a_list_are_checked_at_their_place() -> None:
         ("99999999999", "whole number"),
         ("1e0", "whole number"),
     ):
-        body = f'Shape "trianglemesh" "point3 P" [ {points} ] "integer indices" [\n' + "0 1 2\n" * 100 + f"0 {word} 2 ]"
+        body = (
+            f'Shape "trianglemesh" "point3 P" [ {points} ] "integer indices" [\n'
+            + "0 1 2\n" * 100
+            + f"0 {word} 2 ]"
+        )
         fails(HEAD + body, HEAD.count("\n") + 10 + 102, 3, message)
 
 
 def test_templates_reach_into_long_lists() -> None:
-    text = '#$ x 7 "units"\n' + HEAD + 'Shape "trianglemesh" "point3 P" [ ' + "0 0 0 " * 50 + "$x 0 0 0 1 0 ] "
+    text = (
+        '#$ x 7 "units"\n' + HEAD + 'Shape "trianglemesh" "point3 P" [ ' + "0 0 0 " * 50 + "$x 0 0 0 1 0 ] "
+    )
     geometry = parse(text + '"integer indices" [ 0 50 51 ]').shapes[0].geometry
     assert isinstance(geometry, TriangleMesh)
     assert geometry.vertices[50].tolist() == [7, 0, 0]
@@ -206,7 +216,9 @@ def test_speed_on_a_hundred_megabytes(tmp_path: Path, capsys: pytest.CaptureFixt
     points = "\n".join(f"{x:.6f} {y:.6f} {z:.6f}" for x, y, z in rng.normal(size=(count, 3)).tolist())
     faces = "\n".join(f"{a} {b} {c}" for a, b, c in rng.integers(0, count, (2 * count, 3)).tolist())
     path = tmp_path / "s.pbrt"
-    path.write_text(f'{HEAD}Shape "trianglemesh" "point3 P" [\n{points}\n]\n"integer indices" [\n{faces}\n]\n')
+    path.write_text(
+        f'{HEAD}Shape "trianglemesh" "point3 P" [\n{points}\n]\n"integer indices" [\n{faces}\n]\n'
+    )
     start = time.process_time()
     (shape,) = parse_file(path).shapes
     speed = path.stat().st_size / 1e6 / (time.process_time() - start)

@@ -12,14 +12,15 @@ import trimesh
 
 import scenes
 from scenes.catalog import LIBRARY, find
-from scenes.description import BilinearMesh, Disk, SceneDescription, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError, SceneError
 from scenes.pbrt.text.template import ANY
 from scenes.ply.mesh import read_ply
 from tests.kit.scene_texts import HEAD, face_normals
 
 NAMES = [
-    "cornell-direct", "disk-light", "environment-map", "forest", "furnace", "grazing", "knife-edge", "large-light", "many-lights",
+    "cornell-direct", "disk-light", "environment-map", "forest", "furnace", "grazing", "knife-edge", "large-light", "many-lights",  # noqa: E501
     "penumbra", "sealed-box", "sky", "soft-shadow", "sphere-light", "touching-light", "veach-mis",
 ]  # fmt: skip
 ONE_LIGHT = [
@@ -46,7 +47,9 @@ def rectangle_of(scene: SceneDescription) -> BilinearMesh:
 
 
 def on_film(scene: SceneDescription, points: np.ndarray) -> np.ndarray:
-    """Where points of the world fall, (m, 2), x to the right and y up; the shorter side of the film is [-1, 1]."""
+    """Where points of the world fall, (m, 2), x to the right and y up; the shorter side of the film is [-1,
+    1].
+    """
     to_camera = np.linalg.inv(scene.camera.camera_to_world)
     x, y, z = (points @ to_camera[:3, :3].T + to_camera[:3, 3]).T
     assert z.min() > 0
@@ -54,7 +57,9 @@ def on_film(scene: SceneDescription, points: np.ndarray) -> np.ndarray:
 
 
 def floor_points_in_view(scene: SceneDescription, extent: np.ndarray, pixels: int = 25) -> np.ndarray:
-    """Points of the floor (y = 0, within extent [[x0, x1], [z0, z1]]) on camera rays through a grid of the whole film."""
+    """Points of the floor (y = 0, within extent [[x0, x1], [z0, z1]]) on camera rays through a grid of the
+    whole film.
+    """
     aspect = scene.film.width / scene.film.height
     x, y = np.meshgrid(np.linspace(-aspect, aspect, pixels), np.linspace(-1, 1, pixels))
     half = np.tan(np.radians(scene.camera.fov) / 2)
@@ -78,9 +83,14 @@ def test_every_scene_tells_what_it_shows_and_what_can_be_set(entry: scenes.catal
     assert entry.doc.count("\n") >= 3
     parameters = {parameter.name: parameter for parameter in entry.parameters}
     square = entry.name == "cornell-direct"
-    assert (parameters["xresolution"].default, parameters["yresolution"].default) == (240 if square else 320, 240)
+    assert (parameters["xresolution"].default, parameters["yresolution"].default) == (
+        240 if square else 320,
+        240,
+    )
     for parameter in entry.parameters:
-        assert parameter.meaning.startswith(("scene units: ", "pixels: ", "degrees: ", "factor")), parameter.meaning
+        assert parameter.meaning.startswith(("scene units: ", "pixels: ", "degrees: ", "factor")), (
+            parameter.meaning
+        )
         assert parameter.interval != ANY
     scene = scenes.load(entry.name, {"xresolution": 64.0, "yresolution": 48.0})
     assert (scene.name, scene.film.width, scene.film.height) == (entry.name, 64, 48)
@@ -178,7 +188,9 @@ def test_touching_light_stands_exactly_its_gap_above_the_floor(gap: float) -> No
 
 def test_touching_light_and_its_foot_are_in_the_picture() -> None:
     scene = scenes.load("touching-light")
-    where = on_film(scene, np.concatenate([rectangle_of(scene).vertices, [[-1, 0, 0], [1, 0, 0], [0, 0, -1.5]]]))
+    where = on_film(
+        scene, np.concatenate([rectangle_of(scene).vertices, [[-1, 0, 0], [1, 0, 0], [0, 0, -1.5]]])
+    )
     assert np.abs(where[:, 0]).max() < 4 / 3
     assert np.abs(where[:, 1]).max() < 1
 
@@ -194,10 +206,13 @@ def knife(parameters: dict[str, float]) -> tuple[SceneDescription, np.ndarray, n
 
 
 @pytest.mark.parametrize(
-    "parameters", [{}, {"height": 0.05}, {"height": 2.9}, {"size": 0.001}, {"size": 8.0}, {"lamp": 20.0, "size": 18.0}]
+    "parameters",
+    [{}, {"height": 0.05}, {"height": 2.9}, {"size": 0.001}, {"size": 8.0}, {"lamp": 20.0, "size": 18.0}],
 )
 def test_only_the_knife_s_edge_can_stand_before_the_light(parameters: dict[str, float]) -> None:
-    """Every line from a floor point in view to the light crosses the occluder's plane inside all its other edges."""
+    """Every line from a floor point in view to the light crosses the occluder's plane inside all its other
+    edges.
+    """
     scene, light, occluder, floor = knife(parameters)
     points = floor_points_in_view(scene, floor[:, [0, 2]].T)
     assert len(points) > 200

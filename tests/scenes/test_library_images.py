@@ -1,4 +1,6 @@
-"""The library's scenes rendered small, and what those promise that came with environments, metals and instances."""
+"""The library's scenes rendered small, and what those promise that came with environments, metals and
+instances.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +15,10 @@ import scenes
 from renderer import RenderScene, build, render
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
 from scenes.catalog import LIBRARY
-from scenes.description import (
-    BilinearMesh,
-    Conductor,
-    Diffuse,
-    Disk,
-    DistantLight,
-    Environment,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-)
+from scenes.description.lights import DistantLight, Environment
+from scenes.description.materials import Conductor, Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 from scenes.images.exr import read_rgb
 from scenes.ply.mesh import read_ply
@@ -52,7 +46,9 @@ def made_by(script: str) -> ModuleType:
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "sealed-box"])
 def test_every_picture_shows_something(name: str) -> None:
-    """Catches a camera that looks the wrong way, a light that faces away, and pictures too dark or too bright to see anything in."""
+    """Catches a camera that looks the wrong way, a light that faces away, and pictures too dark or too bright
+    to see anything in.
+    """
     image = render(small(name), spp=4).image
     assert np.isfinite(image).all()
     gray = image.mean(axis=-1)
@@ -79,35 +75,46 @@ def test_values_that_make_no_sense_are_refused_in_words(entry: scenes.catalog.Li
         bad = [interval.high * 2 + 1, -1.0 if interval.low >= 0 else interval.low * 2]
         bad += [interval.low] if interval.above else []
         for value in bad:
-            with pytest.raises(PenumbraError, match=f"parameter {parameter.name} = .*: it must be .* and .*") as told:
+            with pytest.raises(
+                PenumbraError, match=f"parameter {parameter.name} = .*: it must be .* and .*"
+            ) as told:
                 scenes.load(entry.name, {parameter.name: value})
             assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(
     ("name", "parameter"),
-    [("large-light", "size"), ("penumbra", "light_size"), ("penumbra", "occluder_height"), ("soft-shadow", "size")],
+    [
+        ("large-light", "size"),
+        ("penumbra", "light_size"),
+        ("penumbra", "occluder_height"),
+        ("soft-shadow", "size"),
+    ],
 )
 def test_nothing_may_have_no_size(name: str, parameter: str) -> None:
     for value in (0.0, -0.5):
-        with pytest.raises(PenumbraError, match=f"parameter {parameter} = {value:g}: it must be above 0 and at most"):
+        with pytest.raises(
+            PenumbraError, match=f"parameter {parameter} = {value:g}: it must be above 0 and at most"
+        ):
             scenes.load(name, {parameter: value})
 
 
-CONTROL = (
-    "analytic-visibility-unbiased"  # takes the closed form and adds what shadows change: nothing on the average only
-)
+# takes the closed form and adds what shadows change: nothing on the average only
+CONTROL = "analytic-visibility-unbiased"
 
 
 @pytest.mark.parametrize(
-    "estimator", [name for name, entry in ESTIMATORS.items() if entry.quantity == RADIANCE and name != CONTROL]
+    "estimator",
+    [name for name, entry in ESTIMATORS.items() if entry.quantity == RADIANCE and name != CONTROL],
 )
 def test_no_light_gets_into_the_sealed_box(estimator: str) -> None:
     """Not one sample, nothing being left out by the plan, however near the lamps stand to the walls."""
     for gap in (1e-4, 1e-3, 0.3):
         scene = scenes.load("sealed-box", {"xresolution": 24, "yresolution": 18, "gap": gap})
         if ESTIMATORS[estimator].refuses(scene):  # neither the sky nor, for one of them, round lamps
-            flat = tuple(s for s in scene.shapes if not (s.emission and isinstance(s.geometry, Disk | Sphere)))
+            flat = tuple(
+                s for s in scene.shapes if not (s.emission and isinstance(s.geometry, Disk | Sphere))
+            )
             shapes = flat if estimator == "projected-solid-angle" else scene.shapes
             scene = SceneDescription("some lights", scene.camera, scene.film, shapes, scene.lights[1:])
         assert not render(scene, estimator=estimator, spp=2, prune=False).image.any()
@@ -138,7 +145,9 @@ def inside_the_ball(scene: RenderScene) -> np.ndarray:
 
 @pytest.mark.parametrize("reflectance", [0.0, 0.25, 1.0])
 def test_the_furnace_gives_back_the_reflectance(reflectance: float) -> None:
-    """By cosine sampling every single sample is the answer; around the ball there is the light itself, of radiance 1."""
+    """By cosine sampling every single sample is the answer; around the ball there is the light itself, of
+    radiance 1.
+    """
     scene = build(small("furnace", bright=reflectance, dark=reflectance))
     image, ball = render(scene, estimator="cosine", spp=1).image, inside_the_ball(scene)
     assert 200 < np.count_nonzero(ball) < 600
@@ -159,7 +168,9 @@ def test_veach_s_lights_have_one_power_and_four_sizes() -> None:
     scene = scenes.load("veach-mis")
     balls = lights_of(scene)
     sizes = [shape.geometry.radius for shape in balls if isinstance(shape.geometry, Sphere)]
-    powers = [r**2 * shape.emission.radiance[0] for r, shape in zip(sizes, balls, strict=True) if shape.emission]
+    powers = [
+        r**2 * shape.emission.radiance[0] for r, shape in zip(sizes, balls, strict=True) if shape.emission
+    ]
     assert sizes == [0.033333, 0.1, 0.3, 0.9]
     np.testing.assert_allclose(powers, 1.0, rtol=1e-3)
     plates = [shape.material.alpha for shape in scene.shapes if isinstance(shape.material, Conductor)]
@@ -167,7 +178,9 @@ def test_veach_s_lights_have_one_power_and_four_sizes() -> None:
 
 
 def test_each_technique_fails_in_the_other_s_corner_of_veach_s_plates() -> None:
-    """The figure's point: the largest light in the smoothest plate and the smallest light in the roughest one."""
+    """The figure's point: the largest light in the smoothest plate and the smallest light in the roughest
+    one.
+    """
     scene = build(scenes.load("veach-mis", {"xresolution": 80, "yresolution": 60}))
     noise = {name: render(scene, estimator=name, spp=64).variance.mean(axis=-1) for name in ("bsdf", "area")}
     smooth_and_large, rough_and_small = (slice(26, 33), slice(56, 76)), (slice(51, 57), slice(8, 20))
@@ -198,7 +211,9 @@ def test_the_sky_is_an_environment_and_a_sun() -> None:
 
 
 def test_ambient_occlusion_is_the_sky_s_light_alone() -> None:
-    """reflectance times the sky's radiance times the open share of the hemisphere, within five standard errors."""
+    """reflectance times the sky's radiance times the open share of the hemisphere, within five standard
+    errors.
+    """
     scene = small("sky", sun=0)
     light, openness = (
         render(scene, estimator=name, spp=64, sampler="sobol") for name in ("cosine", "ambient-occlusion")
@@ -258,6 +273,8 @@ def test_the_cornell_box_has_its_red_wall_at_the_left() -> None:
 
 def test_files_of_the_library_are_small() -> None:
     sizes = {
-        path.name: path.stat().st_size for path in Path(LIBRARY).rglob("*") if path.is_file() and path.suffix != ".pyc"
+        path.name: path.stat().st_size
+        for path in Path(LIBRARY).rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
     }
     assert max(sizes.values()) < 300_000, sizes

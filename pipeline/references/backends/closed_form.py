@@ -1,12 +1,15 @@
-"""Reference images in closed form: exact radiance, integrated over each pixel by adaptive quadrature with an error bound.
+"""Reference images in closed form: exact radiance, integrated over each pixel by adaptive quadrature with an
+error bound.
 
-No sampling and no ray tracing: the light's outline and the receivers' edges are cut exactly on the film, and what is
-left to integrate is smooth. The scene must have one light over coplanar receivers (`closed_form_scene`), or distant
-lights and a sky of one radiance over such (`closed_form_uniform`). There the image is right also where every sampling
-reference fails, a light touching the floor being the case in point.
+No sampling and no ray tracing: the light's outline and the receivers' edges are cut exactly on the film, and
+what is left to integrate is smooth. The scene must have one light over coplanar receivers
+(`closed_form_scene`), or distant lights and a sky of one radiance over such (`closed_form_uniform`). There
+the image is right also where every sampling reference fails, a light touching the floor being the case in
+point.
 
-`variance` of the image is the square of the error bound, `batches` and `spp` are 0: nothing was sampled, and a test
-against this reference has the noise of the other side only. The error is almost always far below its bound.
+`variance` of the image is the square of the error bound, `batches` and `spp` are 0: nothing was sampled, and
+a test against this reference has the noise of the other side only. The error is almost always far below its
+bound.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ from pipeline.references.protocol import (
     require,
 )
 from pipeline.store.sources import digest
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -70,12 +73,17 @@ class ClosedFormBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """The image; of `request` only the quantity has a bearing: there is nothing to sample. PenumbraError if the scene is refused."""
+        """The image; of `request` only the quantity has a bearing: there is nothing to sample.
+
+        PenumbraError if the scene is refused.
+        """
         require(self, scene, request.quantity)
         start = time.perf_counter()
         parts, film = _parts(scene, request.quantity), film_plane(scene.camera, scene.film)
         image = (
-            uniform_image(parts, film) if isinstance(parts, UniformScene) else closed_form_image(parts, film, TOLERANCE)
+            uniform_image(parts, film)
+            if isinstance(parts, UniformScene)
+            else closed_form_image(parts, film, TOLERANCE)
         )
         if progress:
             progress(1.0)
@@ -91,7 +99,9 @@ def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | Uni
 
 
 def radiance_at_centers(scene: SceneDescription) -> Array:
-    """Exact radiance (h, w, 3) along the rays through the pixels' centres; SceneError where the scene has no closed form."""
+    """Exact radiance (h, w, 3) along the rays through the pixels' centres; SceneError where the scene has no
+    closed form.
+    """
     film = film_plane(scene.camera, scene.film)
     return radiance_at(analyse(scene), film, film.centers()).reshape(scene.film.height, scene.film.width, 3)
 

@@ -1,8 +1,10 @@
-"""Reference images of a straight edge's penumbra in closed form: a flat light, a sheet with one edge before it, a floor.
+"""Reference images of a straight edge's penumbra in closed form: a flat light, a sheet with one edge before
+it, a floor.
 
-Every point's light is Lambert's formula for the part of the light that the edge leaves, and a pixel is its integral. What is
-seen in a pixel is cut exactly: the sheet, the floor, and on the floor the lines where a corner of the light comes into
-sight, at which the radiance has kinks. In each piece it is smooth, and Gauss's rules converge fast.
+Every point's light is Lambert's formula for the part of the light that the edge leaves, and a pixel is its
+integral. What is seen in a pixel is cut exactly: the sheet, the floor, and on the floor the lines where a
+corner of the light comes into sight, at which the radiance has kinks. In each piece it is smooth, and Gauss's
+rules converge fast.
 
 `variance` of the image is the square of the error bound, `batches` and `spp` are 0: nothing was sampled.
 """
@@ -16,10 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.closed_form.edge_scene import EdgeScene, analyse_edge
-from pipeline.references.closed_form.film import FilmPlane, classify, clip_by_planes, film_plane, outside_planes
+from pipeline.references.closed_form.film import (
+    FilmPlane,
+    classify,
+    clip_by_planes,
+    film_plane,
+    outside_planes,
+)
 from pipeline.references.closed_form.image import PixelImage, to_reference
 from pipeline.references.closed_form.quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
-from pipeline.references.closed_form.radiometry import clip_polygon_by_plane, knife_edge_irradiance, polygon_irradiance
+from pipeline.references.closed_form.radiometry import (
+    clip_polygon_by_plane,
+    knife_edge_irradiance,
+    polygon_irradiance,
+)
 from pipeline.references.closed_form.scene import Plane, Receiver
 from pipeline.references.protocol import (
     BACKENDS,
@@ -31,7 +43,7 @@ from pipeline.references.protocol import (
     require,
 )
 from pipeline.store.sources import digest
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -156,14 +168,17 @@ def _not_behind(film: FilmPlane, planes: Array, pieces: Pieces) -> Pieces:
     for polygons, pixel in pieces:
         clear, some = ~covered[pixel] & ~cut[pixel], np.flatnonzero(cut[pixel])
         rest.append((polygons[clear], pixel[clear]))
-        rest += outside_planes(polygons[some], pixel[some], np.broadcast_to(planes, (some.size, *planes.shape)))
+        rest += outside_planes(
+            polygons[some], pixel[some], np.broadcast_to(planes, (some.size, *planes.shape))
+        )
     return rest
 
 
 def _kinks(scene: EdgeScene, film: FilmPlane) -> Array:
     """Film planes (v, 3) of the floor's lines from which a corner of the light is seen right at the edge.
 
-    Such a plane, through edge and corner, meets the floor at p = eye - height d / (d . n); m . (p - edge) = 0 is linear in d.
+    Such a plane, through edge and corner, meets the floor at p = eye - height d / (d . n); m . (p - edge) = 0
+    is linear in d.
     """
     start, end = scene.edge
     m = np.cross(end - start, scene.light.outline - start)
@@ -202,7 +217,10 @@ def _light(scene: EdgeScene, film: FilmPlane, pieces: Pieces, plane: Plane) -> T
     everywhere = Integrand(
         value,
         lambda part: np.full(part.owner.size, np.pi),
-        lambda part: (np.zeros(part.owner.size), np.zeros(part.owner.size)),  # the light is far: `analyse_edge`
+        lambda part: (
+            np.zeros(part.owner.size),
+            np.zeros(part.owner.size),
+        ),  # the light is far: `analyse_edge`
     )
     return integrate(cells, everywhere, scale, TOLERANCE)
 

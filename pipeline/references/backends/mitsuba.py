@@ -1,7 +1,8 @@
 """Mitsuba 3 as a reference: the parent's side. Rendering is in `mitsuba_worker`, in a process of its own.
 
-Batches of different seeds, accumulated in float64: the spread of their means gives the variance of the mean, which
-nothing inside one Mitsuba render does; and more than about 10,000 samples a pixel in one call lose float32's precision.
+Batches of different seeds, accumulated in float64: the spread of their means gives the variance of the mean,
+which nothing inside one Mitsuba render does; and more than about 10,000 samples a pixel in one call lose
+float32's precision.
 """
 
 from __future__ import annotations
@@ -33,15 +34,9 @@ from pipeline.references.protocol import (
     require,
 )
 from pipeline.store.sources import digest
-from scenes.description import (
-    Diffuse,
-    Disk,
-    Emission,
-    Film,
-    PerspectiveCamera,
-    SceneDescription,
-    ShapeDescription,
-)
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import Disk, Emission, ShapeDescription
 from scenes.errors import PenumbraError, SceneError
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")  # by preference: the first is six times as fast here
@@ -59,19 +54,26 @@ class Probe:
 
 
 class MitsubaBackend:
-    """Direct light by multiple importance sampling, lights visible: what pbrt's `path` with maxdepth 1 gives."""
+    """Direct light by multiple importance sampling, lights visible: what pbrt's `path` with maxdepth 1
+    gives.
+    """
 
     name = "mitsuba"
 
     def version(self) -> str:
-        """Mitsuba's version, the variant that works here, and a hash of the code that converts and renders."""
+        """Mitsuba's version, the variant that works here, and a hash of the code that converts and
+        renders.
+        """
         return f"mitsuba {importlib.metadata.version('mitsuba')} {working_variant()} {digest(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """No lights, two-sided lights, a camera or a patch without counterpart, or a gap that Mitsuba's rays overlook."""
+        """No lights, two-sided lights, a camera or a patch without counterpart, or a gap that Mitsuba's rays
+        overlook.
+        """
         if quantity == "ambient-occlusion" and np.isfinite(scene.occlusion_distance):
             return (
-                f"Mitsuba has no ambient occlusion that ends, and this scene's does, after {scene.occlusion_distance:g}"
+                "Mitsuba has no ambient occlusion that ends, and this scene's does, after "
+                f"{scene.occlusion_distance:g}"
             )
         try:
             return mitsuba_limits.reason(_what_to_render(scene, quantity))
@@ -85,9 +87,14 @@ class MitsubaBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """Render at least what `request` asks for, in whole batches; PenumbraError if refused or if Mitsuba fails."""
+        """Render at least what `request` asks for, in whole batches; PenumbraError if refused or if Mitsuba
+        fails.
+        """
         require(self, scene, request.quantity)
-        converted, variant = mitsuba_scene.convert(_what_to_render(scene, request.quantity)), working_variant()
+        converted, variant = (
+            mitsuba_scene.convert(_what_to_render(scene, request.quantity)),
+            working_variant(),
+        )
 
         def draw(wanted: Batches) -> Generator[Image]:
             seeds = seeds_for(request.seed, scene.film, variant, wanted.first, wanted.count)
@@ -98,13 +105,20 @@ class MitsubaBackend:
         return to_image(tally, self._provenance(converted, request, variant))
 
     def _provenance(self, converted: MitsubaScene, request: ReferenceRequest, variant: str) -> dict[str, str]:
-        sky = ", white surfaces under a white sky that is hidden" if request.quantity == "ambient-occlusion" else ""
+        sky = (
+            ", white surfaces under a white sky that is hidden"
+            if request.quantity == "ambient-occlusion"
+            else ""
+        )
         return {
             "backend": self.name,
             "version": self.version(),
             "variant": variant,
             "integrator": f"direct, 1 emitter and 1 BSDF sample, MIS{sky}",
-            "seeds": f"batch k: number k of numpy's default_rng({request.seed}), without replacement (mitsuba_seeds.py)",
+            "seeds": (
+                f"batch k: number k of numpy's default_rng({request.seed}), without replacement "
+                "(mitsuba_seeds.py)"
+            ),
         } | converted.notes
 
 
@@ -125,7 +139,9 @@ def probe_variants() -> list[Probe]:
 
 
 def working_variant() -> str:
-    """The fastest variant that works here, found out once a process; PenumbraError with the reasons if none does."""
+    """The fastest variant that works here, found out once a process; PenumbraError with the reasons if none
+    does.
+    """
     failures: list[str] = []
     for variant in VARIANTS:
         probe = _probe(variant)

@@ -1,8 +1,10 @@
-"""pbrt-v4 as a reference: the user's own binary, run on the exported scene, in a process of its own for every batch.
+"""pbrt-v4 as a reference: the user's own binary, run on the exported scene, in a process of its own for every
+batch.
 
-pbrt multiplies spectra where we multiply RGB: gray reflectances under coloured light agree to 0.1 %, saturated ones do not
-(albedo .8 .3 .1 under light 20 15 10 reads .955, .995, .806 of the product). Gray scenes agree exactly, so that a scene that
-is not gray is rendered once for each channel, every colour in it being that channel's value.
+pbrt multiplies spectra where we multiply RGB: gray reflectances under coloured light agree to 0.1 %,
+saturated ones do not (albedo .8 .3 .1 under light 20 15 10 reads .955, .995, .806 of the product). Gray
+scenes agree exactly, so that a scene that is not gray is rendered once for each channel, every colour in it
+being that channel's value.
 
 `--seed` is silently ignored where the file names a seed: what is exported here names none.
 """
@@ -37,7 +39,8 @@ from pipeline.references.protocol import (
     unlit,
 )
 from pipeline.store.sources import digest
-from scenes.description import Environment, RenderDefaults, SceneDescription
+from scenes.description.lights import Environment
+from scenes.description.scene import RenderDefaults, SceneDescription
 from scenes.errors import PenumbraError
 from scenes.images.exr import read_rgb, write_exr
 from scenes.pbrt.write.scene import ExportedScene, export
@@ -50,7 +53,9 @@ HOUR = 3600.0
 
 
 class PbrtBackend:
-    """pbrt-v4's `path` with maxdepth 1, or its `ambientocclusion`, by the binary `pbrt` on PATH or the one named in PENUMBRA_PBRT."""
+    """pbrt-v4's `path` with maxdepth 1, or its `ambientocclusion`, by the binary `pbrt` on PATH or the one
+    named in PENUMBRA_PBRT.
+    """
 
     name = "pbrt"
 
@@ -58,7 +63,9 @@ class PbrtBackend:
         self.timeout = timeout  # seconds, after which one run of pbrt is given up
 
     def version(self) -> str:
-        """The binary's content, and a hash of the code that exports scenes to it and reads its images; PenumbraError where there is no binary."""
+        """The binary's content, and a hash of the code that exports scenes to it and reads its images;
+        PenumbraError where there is no binary.
+        """
         binary = _binary()
         stat = binary.stat()
         return f"pbrt-v4 {_fingerprint(binary, stat.st_mtime_ns, stat.st_size)} {digest(Path(__file__))}"
@@ -82,14 +89,18 @@ class PbrtBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """Render at least what `request` asks for; PenumbraError with what pbrt said if it fails, or with why it is refused."""
+        """Render at least what `request` asks for; PenumbraError with what pbrt said if it fails, or with why
+        it is refused.
+        """
         require(self, scene, request.quantity)
         binary = _binary()
         grays = passes(scene, request.quantity)
 
         def draw(wanted: Batches) -> Generator[Image]:
             with tempfile.TemporaryDirectory(prefix="penumbra-pbrt-") as name:
-                folders = [_prepare(Path(name) / str(c), gray, request.quantity) for c, gray in enumerate(grays)]
+                folders = [
+                    _prepare(Path(name) / str(c), gray, request.quantity) for c, gray in enumerate(grays)
+                ]
                 for number in range(wanted.first, wanted.first + wanted.count):
                     planes = [
                         _run(self, binary, folder, batch_seed(request.seed, number, c), wanted.spp, scene)
@@ -122,9 +133,13 @@ def passes(scene: SceneDescription, quantity: Quantity) -> list[SceneDescription
 
 
 def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
-    """The scene for pbrt, with an integrator for the quantity and without any seed; PenumbraError where there is none."""
+    """The scene for pbrt, with an integrator for the quantity and without any seed; PenumbraError where there
+    is none.
+    """
     if any(isinstance(light, Environment) and _is_ours(light) for light in scene.lights):
-        raise PenumbraError("its sky ends at a horizon or is laid out by latitude, and pbrt has no such light")
+        raise PenumbraError(
+            "its sky ends at a horizon or is laid out by latitude, and pbrt has no such light"
+        )
     defaults = RenderDefaults(estimator=None if quantity == "radiance" else quantity)
     made = export(replace(scene, defaults=defaults, film=replace(scene.film, filename="")), "scene")
     return replace(made, text=_with(made.text, "Sampler", 'Sampler "independent"'))
@@ -148,7 +163,9 @@ def _binary() -> Path:
     if not named:
         found = shutil.which("pbrt")
         if found is None:
-            raise PenumbraError(f"there is no pbrt on PATH; put pbrt-v4 there or name its binary in {VARIABLE}")
+            raise PenumbraError(
+                f"there is no pbrt on PATH; put pbrt-v4 there or name its binary in {VARIABLE}"
+            )
         return Path(found).resolve()
     path = Path(named)
     if not path.is_file():
@@ -174,15 +191,25 @@ def _prepare(folder: Path, scene: SceneDescription, quantity: Quantity) -> Path:
     return folder
 
 
-def _run(backend: PbrtBackend, binary: Path, folder: Path, seed: int, spp: int, scene: SceneDescription) -> Image:
-    """One gray image (h, w) by pbrt. What it says goes to a file: a pipe would wait for whatever it may have started."""
+def _run(
+    backend: PbrtBackend, binary: Path, folder: Path, seed: int, spp: int, scene: SceneDescription
+) -> Image:
+    """One gray image (h, w) by pbrt.
+
+    What it says goes to a file: a pipe would wait for whatever it may have started.
+    """
     image = folder / IMAGE
     image.unlink(missing_ok=True)
     arguments = ["--quiet", "--seed", str(seed), "--spp", str(spp), "--outfile", IMAGE, SCENE]
     with (folder / SAID).open("wb") as said:
         try:
             done = subprocess.run(
-                [str(binary), *arguments], cwd=folder, stdout=said, stderr=said, timeout=backend.timeout, check=False
+                [str(binary), *arguments],
+                cwd=folder,
+                stdout=said,
+                stderr=said,
+                timeout=backend.timeout,
+                check=False,
             )
         except subprocess.TimeoutExpired as error:
             raise PenumbraError(

@@ -2,8 +2,8 @@
 
 Seen from a point, the rim of a disk and the outline of a sphere both span an elliptic cone. In its principal
 axes the rim is r(t) = a cos t e1 + b sin t e2 + c e3 with b >= a, and Lambert's contour integral
-E = 1/2 oint n . (r x dr) / |r|^2 (Stokes's theorem, [sparrow1963]) is elementary. Over the whole rim the terms in cos t
-and sin t vanish by symmetry, which leaves
+E = 1/2 oint n . (r x dr) / |r|^2 (Stokes's theorem, [sparrow1963]) is elementary. Over the whole rim the
+terms in cos t and sin t vanish by symmetry, which leaves
 
     E = pi (n . e3) a b / sqrt((a^2 + c^2) (b^2 + c^2)),
 
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Below this angular extent of the visible piece the arc and the chord cancel to (extent)^3: a positive cubature
+# Below this angular extent of the visible piece the arc and the chord cancel to (extent)^3: a positive
+# cubature
 # over the piece is used instead. At the threshold the contour still has 13 digits and the cubature has all.
 SMALL_PIECE = 0.1
 _PSI, _PSI_WEIGHT = np.polynomial.legendre.leggauss(16)
@@ -30,7 +31,9 @@ _TAU, _TAU_WEIGHT = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """Elliptic cones with apex at the points. e1, e2, e3: (3, n), right-handed, orthonormal; a <= b, c: (n,), up to a common factor."""
+    """Elliptic cones with apex at the points. e1, e2, e3: (3, n), right-handed, orthonormal; a <= b, c: (n,),
+    up to a common factor.
+    """
 
     e1: Array
     e2: Array
@@ -71,7 +74,8 @@ def _any_perpendicular(w: Array) -> Array:
 def _lateral(offset: Array, w: Array) -> tuple[Array, Array]:
     """Length (n,) and unit direction (3, n) of the part of `offset` perpendicular to the unit vectors w.
 
-    On the axis (a part below 1e-15 of the offset is rounding) any perpendicular serves: the cone is circular there.
+    On the axis (a part below 1e-15 of the offset is rounding) any perpendicular serves: the cone is circular
+    there.
     """
     side = offset - dot(offset, w) * w
     length = np.sqrt(dot(side, side))
@@ -82,11 +86,12 @@ def _lateral(offset: Array, w: Array) -> tuple[Array, Array]:
 
 
 def disk_cone(points: Array, center: Array, normal: Array, radius: Array | float) -> Cone:
-    """The cone over a disk. points, center: (3, n); normal: (3, n), unit, of either sign; a point in the disk's plane gives a flat cone.
+    """The cone over a disk. points, center: (3, n); normal: (3, n), unit, of either sign; a point in the
+    disk's plane gives a flat cone.
 
-    With the far and the near rim at distances d1 and d2, D = d1 d2 and q = a^2 + h^2 - R^2, the squared axes are
-    D - q, 2 R^2 and D + q, each taken from the quotient 4 R^2 h^2 / (D +- q) where the difference would cancel;
-    the cone's axis bisects the directions to the two rims.
+    With the far and the near rim at distances d1 and d2, D = d1 d2 and q = a^2 + h^2 - R^2, the squared axes
+    are D - q, 2 R^2 and D + q, each taken from the quotient 4 R^2 h^2 / (D +- q) where the difference would
+    cancel; the cone's axis bisects the directions to the two rims.
     """
     offset = center - points
     side = dot(offset, normal)
@@ -107,7 +112,8 @@ def disk_cone(points: Array, center: Array, normal: Array, radius: Array | float
 def _bisector(lateral: Array, radius: Array, height: Array, d1: Array, d2: Array) -> tuple[Array, Array]:
     """Unit bisector, in the disk's plane of symmetry, of the directions (lateral +- R, height).
 
-    Over the disk (lateral < R) the sum of the two nearly cancels close to it: there the form divided by the height is used.
+    Over the disk (lateral < R) the sum of the two nearly cancels close to it: there the form divided by the
+    height is used.
     """
     over = lateral <= radius
     total = (lateral + radius) * d2 + np.abs(lateral - radius) * d1
@@ -119,7 +125,10 @@ def _bisector(lateral: Array, radius: Array, height: Array, d1: Array, d2: Array
 
 
 def sphere_cone(points: Array, center: Array, radius: Array | float) -> Cone:
-    """The cone of a sphere seen from outside. points, center: (3, n). On or inside the sphere the cone is a half-space (c = 0)."""
+    """The cone of a sphere seen from outside. points, center: (3, n).
+
+    On or inside the sphere the cone is a half-space (c = 0).
+    """
     offset = center - points
     distance = np.sqrt(dot(offset, offset))
     radius = np.broadcast_to(np.asarray(radius, dtype=np.float64), distance.shape)
@@ -131,7 +140,9 @@ def sphere_cone(points: Array, center: Array, radius: Array | float) -> Cone:
 
 
 def cone_irradiance(cone: Cone, normal: Array) -> Array:
-    """Irradiance (n,) per unit radiance from the part of the cones above the horizon of the unit normals (3, n)."""
+    """Irradiance (n,) per unit radiance from the part of the cones above the horizon of the unit normals (3,
+    n).
+    """
     n1, n2, n3 = dot(normal, cone.e1), dot(normal, cone.e2), dot(normal, cone.e3)
     tilt, level = np.hypot(n1 * cone.a, n2 * cone.b), n3 * cone.c
     spread = np.hypot(cone.a, cone.c) * np.hypot(cone.b, cone.c)
@@ -164,9 +175,14 @@ def _over(f: Array, z: Array) -> Array:
 
 
 def _contour(a: Array, b: Array, c: Array, n1: Array, n2: Array, n3: Array, t0: Array, delta: Array) -> Array:
-    """Arc by its antiderivative plus the chord's edge term; the error is rounding of the chord's angle, about 1e-16."""
+    """Arc by its antiderivative plus the chord's edge term; the error is rounding of the chord's angle, about
+    1e-16.
+    """
     pa, pb, g = np.hypot(a, c), np.hypot(b, c), np.sqrt(np.maximum((b - a) * (b + a), 0.0))
-    lo, hi = np.stack((np.cos(t0 - delta), np.sin(t0 - delta))), np.stack((np.cos(t0 + delta), np.sin(t0 + delta)))
+    lo, hi = (
+        np.stack((np.cos(t0 - delta), np.sin(t0 - delta))),
+        np.stack((np.cos(t0 + delta), np.sin(t0 + delta))),
+    )
 
     def over_cos(p: Array) -> Array:
         z = g * p[1] / pa
@@ -186,7 +202,9 @@ def _contour(a: Array, b: Array, c: Array, n1: Array, n2: Array, n3: Array, t0: 
     return (arc + turn) / 2
 
 
-def _cubature(a: Array, b: Array, c: Array, n1: Array, n2: Array, n3: Array, t0: Array, delta: Array) -> Array:
+def _cubature(
+    a: Array, b: Array, c: Array, n1: Array, n2: Array, n3: Array, t0: Array, delta: Array
+) -> Array:
     """Gauss over the visible segment s = cos psi > cos delta of the rim's ellipse; every term is positive."""
     psi = (delta[:, None] / 2) * (1 + _PSI)
     weight = np.sin(psi) ** 2 * 2 * np.sin((delta[:, None] + psi) / 2) * np.sin((delta[:, None] - psi) / 2)

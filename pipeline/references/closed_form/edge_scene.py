@@ -1,9 +1,10 @@
 """Which scenes are a straight edge before a light over a floor, and what of them the closed form needs.
 
-Accepted: one light, flat and convex, one-sided; a floor and a sheet, flat, convex, diffuse, in parallel planes, the sheet between
-floor and light; the camera above the sheet's plane, with the light out of its view. Of the sheet's
-edges all but one must be out of the way: every line from a point of the floor to one of the light crosses the sheet's plane
-on the inner side of them. By convexity that holds for all points if it holds for the corners of floor and light.
+Accepted: one light, flat and convex, one-sided; a floor and a sheet, flat, convex, diffuse, in parallel
+planes, the sheet between floor and light; the camera above the sheet's plane, with the light out of its view.
+Of the sheet's edges all but one must be out of the way: every line from a point of the floor to one of the
+light crosses the sheet's plane on the inner side of them. By convexity that holds for all points if it holds
+for the corners of floor and light.
 """
 
 from __future__ import annotations
@@ -15,27 +16,24 @@ from numpy.typing import NDArray
 
 from pipeline.references.closed_form.film import film_plane
 from pipeline.references.closed_form.scene import FLAT, Patch, Plane, Receiver, outline
-from scenes.description import (
-    BilinearMesh,
-    Diffuse,
-    PerspectiveCamera,
-    SceneDescription,
-    ShapeDescription,
-    TriangleMesh,
-)
-from scenes.description import Film as FilmDescription
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film as FilmDescription
+from scenes.description.scene import PerspectiveCamera, SceneDescription
+from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
 
-NEAR = (
-    0.02  # the light's least distance from floor and sheet, of its extent: nearer, a cell's rule would not resolve it
-)
+# the light's least distance from floor and sheet, of its extent: nearer, a cell's rule would not resolve it
+NEAR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeScene:
-    """radiance: (3,). edge: (2, 3), two points of it. blocked: (3,), unit, from the edge into the sheet. Plane normals are to the light's side."""
+    """radiance: (3,). edge: (2, 3), two points of it. blocked: (3,), unit, from the edge into the sheet.
+
+    Plane normals are to the light's side.
+    """
 
     light: Patch
     radiance: Array
@@ -52,7 +50,9 @@ def analyse_edge(scene: SceneDescription) -> EdgeScene:
     emitting = [shape for shape in scene.shapes if shape.emission]
     others = [shape for shape in scene.shapes if not shape.emission]
     if len(emitting) != 1 or scene.lights or len(others) != 2:
-        raise SceneError("the closed form of an edge needs one area light, one floor and one sheet, and nothing else")
+        raise SceneError(
+            "the closed form of an edge needs one area light, one floor and one sheet, and nothing else"
+        )
     pixel = scene.film.pixel_filter
     if (pixel.kind, pixel.xradius, pixel.yradius) != ("box", 0.5, 0.5):
         raise SceneError("the closed form of an edge needs the box filter of one pixel")
@@ -78,7 +78,9 @@ def _receiver(shape: ShapeDescription) -> Receiver:
     if not isinstance(shape.geometry, TriangleMesh | BilinearMesh):
         raise SceneError("the closed form of an edge needs a flat floor and a flat sheet", shape.where)
     if not isinstance(shape.material, Diffuse) or not isinstance(shape.material.reflectance, np.ndarray):
-        raise SceneError("the closed form of an edge needs surfaces of one diffuse reflectance each", shape.where)
+        raise SceneError(
+            "the closed form of an edge needs surfaces of one diffuse reflectance each", shape.where
+        )
     return Receiver(outline(shape.geometry, shape, oriented=False), shape.material.reflectance)
 
 
@@ -99,7 +101,9 @@ def _require_clear_order(light: Patch, floor: Plane, sheet: Plane, camera: Persp
     if not float(floor.height(sheet.point)) > 0:
         raise SceneError("the closed form of an edge needs the sheet between floor and light")
     if float(sheet.height(light.outline).min()) < NEAR * extent:
-        raise SceneError(f"the closed form of an edge needs a light {NEAR:g} of its extent or more above the sheet")
+        raise SceneError(
+            f"the closed form of an edge needs a light {NEAR:g} of its extent or more above the sheet"
+        )
     if not float(sheet.height(np.array(camera.camera_to_world[:3, 3]))) > 0:
         raise SceneError("the closed form of an edge needs a camera on the light's side of the sheet")
 
@@ -114,7 +118,9 @@ def _require_light_out_of_view(light: Patch, camera: PerspectiveCamera, film: Fi
 
 
 def _edge(light: Patch, floor: Receiver, sheet: Receiver, low: Plane, high: Plane) -> tuple[Array, Array]:
-    """The one edge that may stand before the light, (2, 3), and the direction from it into the sheet, (3,)."""
+    """The one edge that may stand before the light, (2, 3), and the direction from it into the sheet,
+    (3,).
+    """
     corners, far = floor.patch.outline, light.outline
     share = float(low.height(high.point)) / low.height(far)
     crossing = (corners[:, None] * (1 - share[:, None]) + far * share[:, None]).reshape(-1, 3)
@@ -126,7 +132,8 @@ def _edge(light: Patch, floor: Receiver, sheet: Receiver, low: Plane, high: Plan
     open_edges = np.flatnonzero(depth.min(axis=1) <= 0)
     if open_edges.size != 1:
         raise SceneError(
-            f"the closed form of an edge needs one edge of the sheet before the light, and {open_edges.size} may be there"
+            "the closed form of an edge needs one edge of the sheet before the light, and "
+            f"{open_edges.size} may be there"
         )
     i = int(open_edges[0])
     return np.stack([starts[i], starts[i] + along[i]]), inward[i]

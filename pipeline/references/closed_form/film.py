@@ -1,13 +1,15 @@
 """The film of a closed-form image: which part of each pixel the light covers, cut exactly.
 
-Film points are homogeneous, (x, y, 1) in camera space (x right, y up, z forward, left-handed as pbrt's), so that a
-plane through the camera is a half-space test m . (x, y, 1) > 0 and polygons are clipped without any division.
+Film points are homogeneous, (x, y, 1) in camera space (x right, y up, z forward, left-handed as pbrt's), so
+that a plane through the camera is a half-space test m . (x, y, 1) > 0 and polygons are clipped without any
+division.
 
-The light's outline is a convex polygon on the film. A patch's is exact. A disk's or a sphere's is an ellipse: it is
-cut where it crosses the pixel grid, each piece again in ARC_PIECES, into chords that lie in one pixel each, and the
-thin segments between chord and arc are kept apart as `Arcs`, to be integrated as they are. Within one pixel the
-polygon is the pixel cut by its own chords alone: a point of the pixel beyond none of them but outside the polygon
-would be separated from the polygon's part of that (convex) pixel by another chord inside it.
+The light's outline is a convex polygon on the film. A patch's is exact. A disk's or a sphere's is an ellipse:
+it is cut where it crosses the pixel grid, each piece again in ARC_PIECES, into chords that lie in one pixel
+each, and the thin segments between chord and arc are kept apart as `Arcs`, to be integrated as they are.
+Within one pixel the polygon is the pixel cut by its own chords alone: a point of the pixel beyond none of
+them but outside the polygon would be separated from the polygon's part of that (convex) pixel by another
+chord inside it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ from numpy.typing import NDArray
 from pipeline.references.closed_form.cone import Cone, disk_cone, sphere_cone
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from pipeline.references.closed_form.scene import ClosedFormScene, Patch
-from scenes.description import Film, PerspectiveCamera, PointLight, Sphere
+from scenes.description.lights import PointLight
+from scenes.description.scene import Film, PerspectiveCamera
+from scenes.description.shapes import Sphere
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -32,7 +36,9 @@ FLAT_CONE = 1e-12  # a disk seen edge-on more sharply than this covers nothing
 
 @dataclass(frozen=True, eq=False)
 class FilmPlane:
-    """eye: (3,), world. to_world: (3, 3), camera directions to world; to_camera: its inverse. x: (w+1,), y: (h+1,): pixel edges at z = 1."""
+    """eye: (3,), world. to_world: (3, 3), camera directions to world; to_camera: its inverse. x: (w+1,), y:
+    (h+1,): pixel edges at z = 1.
+    """
 
     eye: Array
     to_world: Array
@@ -69,7 +75,9 @@ class FilmPlane:
         return np.where(inside, row * width + column, -1).astype(np.int64)
 
     def planes(self, outline: Array) -> Array:
-        """Camera-space planes (m, 3) through the eye and the edges of a convex outline (m, 3), world space; inside is positive."""
+        """Camera-space planes (m, 3) through the eye and the edges of a convex outline (m, 3), world space;
+        inside is positive.
+        """
         v = (outline - self.eye) @ self.to_camera.T
         m = np.cross(v, np.roll(v, -1, axis=0))
         inside = m @ v.mean(axis=0)
@@ -77,7 +85,9 @@ class FilmPlane:
 
 
 def film_plane(camera: PerspectiveCamera, film: Film) -> FilmPlane:
-    """The film plane at z = 1; the shorter side of the image spans the camera's fov [pharr2023, section 5.2.2]."""
+    """The film plane at z = 1; the shorter side of the image spans the camera's fov [pharr2023, section
+    5.2.2].
+    """
     pixel = 2 * np.tan(np.radians(camera.fov) / 2) / min(film.width, film.height)
     x = pixel * (np.arange(film.width + 1) - film.width / 2)
     y = pixel * (film.height / 2 - np.arange(film.height + 1))
@@ -89,7 +99,9 @@ def film_plane(camera: PerspectiveCamera, film: Film) -> FilmPlane:
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs of the light's elliptic outline, each in one pixel. pixel: (n,); t: (n, 2), angles of `cone` (its apex the eye)."""
+    """Arcs of the light's elliptic outline, each in one pixel. pixel: (n,); t: (n, 2), angles of `cone` (its
+    apex the eye).
+    """
 
     pixel: Index
     t: Array
@@ -113,7 +125,8 @@ class Arcs:
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """The light on the film. covered: (w h,) bool, pixels wholly covered. mixed: (n,) pixels; planes: (n, k, 3), inside
+    """The light on the film. covered: (w h,) bool, pixels wholly covered. mixed: (n,) pixels; planes: (n, k,
+    3), inside
     where all are positive, padded with planes that everything is inside of; arcs: segments to be added."""
 
     covered: NDArray[np.bool_]
@@ -139,7 +152,9 @@ def silhouette(scene: ClosedFormScene, film: FilmPlane) -> Silhouette:
 
 
 def classify(film: FilmPlane, planes: Array) -> tuple[NDArray[np.bool_], Index]:
-    """Pixels wholly inside all `planes` (m, 3), as (w h,) bool, and those that may be cut by them, as indices."""
+    """Pixels wholly inside all `planes` (m, 3), as (w h,) bool, and those that may be cut by them, as
+    indices.
+    """
     x, y = np.meshgrid(film.x, film.y)
     side = x[..., None] * planes[:, 0] + y[..., None] * planes[:, 1] + planes[:, 2]
     corners = np.stack((side[:-1, :-1], side[:-1, 1:], side[1:, :-1], side[1:, 1:]))
@@ -156,7 +171,8 @@ def clip_by_planes(polygons: Array, planes: Array) -> Array:
 
 
 def outside_planes(polygons: Array, owner: Index, planes: Array) -> list[tuple[Array, Index]]:
-    """Convex pieces of the polygons (n, v, 3) that lie outside of at least one of their planes (n, k, 3), with their owners (n,).
+    """Convex pieces of the polygons (n, v, 3) that lie outside of at least one of their planes (n, k, 3),
+    with their owners (n,).
 
     The k-th piece is inside the planes before the k-th and outside of it, so that the pieces do not overlap.
     """
@@ -183,7 +199,9 @@ def areas(polygons: Array) -> Array:
 
 
 def _cone(scene: ClosedFormScene, film: FilmPlane) -> Cone | None:
-    """The light's cone from the eye; None if it has none: a patch, a point, or edge-on, or behind the camera."""
+    """The light's cone from the eye; None if it has none: a patch, a point, or edge-on, or behind the
+    camera.
+    """
     if isinstance(scene.light, Patch | PointLight):
         return None
     eye, center = film.eye[:, None], scene.light.center[:, None]
@@ -225,7 +243,9 @@ def _own_chords(film: FilmPlane, arcs: Arcs) -> tuple[Index, Array]:
     """The pixels that the outline crosses, (n,), and the planes (n, k, 3) of their own chords, padded."""
     v = arcs.points(film, arcs.t)
     m = np.cross(v[:, 0], v[:, 1])
-    middle = arcs.points(film, np.stack((arcs.t.mean(axis=1), arcs.t.mean(axis=1) + np.pi), axis=1)).mean(axis=1)
+    middle = arcs.points(film, np.stack((arcs.t.mean(axis=1), arcs.t.mean(axis=1) + np.pi), axis=1)).mean(
+        axis=1
+    )
     m = m * np.copysign(1.0, (m * middle).sum(axis=1))[:, None]
     order = np.argsort(arcs.pixel, kind="stable")
     pixel, start, count = np.unique(arcs.pixel[order], return_index=True, return_counts=True)

@@ -1,8 +1,10 @@
 """The receivers' plane as an integrand: exact irradiance, its measure on the film, and where it is singular.
 
-Coordinates on the plane are (x, s): s along the line where the light's plane meets it, x away from that line, which
-is where a light that nearly touches makes the irradiance vary fastest, and then in x alone. An area dA there covers
-|det M| H / z^3 dA of the film, M being the map from world directions to camera space, H the eye's height, z the depth.
+Coordinates on the plane are (x, s): s along the line where the light's plane meets it, x away from that line,
+which is where a light that nearly touches makes the irradiance vary fastest, and then in x alone. An area dA
+there covers
+|det M| H / z^3 dA of the film, M being the map from world directions to camera space, H the eye's height, z
+the depth.
 """
 
 from __future__ import annotations
@@ -16,11 +18,13 @@ from pipeline.references.closed_form.film import FilmPlane
 from pipeline.references.closed_form.quadrature import Cells
 from pipeline.references.closed_form.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
 from pipeline.references.closed_form.scene import ClosedFormScene, Patch, Plane, light_points
-from scenes.description import Disk, PointLight, Sphere
+from scenes.description.lights import PointLight
+from scenes.description.shapes import Disk, Sphere
 
 Array = NDArray[np.float64]
 
-PARALLEL = 1e-9  # sine below which a light's plane counts as parallel to the receivers', an edge as parallel to an axis
+# sine below which a light's plane counts as parallel to the receivers', an edge as parallel to an axis
+PARALLEL = 1e-9
 DEPTH_STEP = 2.0  # a cell's depths may differ by this many times its smallest
 _SHARES = (grid.ravel() for grid in np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]))
 _U, _V = _SHARES
@@ -57,7 +61,9 @@ class Floor:
         return np.stack([to_eye @ axis + t * (d @ axis) for axis in (self.x_axis, self.s_axis)], axis=-1)
 
     def irradiance(self, points: Array) -> Array:
-        """Irradiance (n,) per unit radiance, or intensity, at points (n, 3) of the plane, on the camera's side."""
+        """Irradiance (n,) per unit radiance, or intensity, at points (n, 3) of the plane, on the camera's
+        side.
+        """
         light, two_sided = self.scene.light, self.scene.two_sided
         if isinstance(light, PointLight):
             return self.plane.height(light.position) / np.linalg.norm(points - light.position, axis=-1) ** 3
@@ -65,7 +71,9 @@ class Floor:
             return polygon_irradiance(points, self.plane.normal, light.outline, two_sided=two_sided)
         if isinstance(light, Sphere):
             return sphere_irradiance(points, self.plane.normal, light.center, light.radius)
-        return disk_irradiance(points, self.plane.normal, light.center, light.normal, light.radius, two_sided=two_sided)
+        return disk_irradiance(
+            points, self.plane.normal, light.center, light.normal, light.radius, two_sided=two_sided
+        )
 
     def value(self, x: Array, s: Array) -> Array:
         """Irradiance per unit radiance times film area per area of the plane, at (x, s) (...)."""
@@ -73,13 +81,17 @@ class Floor:
         return self.irradiance(points).reshape(x.shape) * self._density(self._depth(x, s))
 
     def most(self, cells: Cells) -> Array:
-        """Upper bound (n,) of `value` in the cells: irradiance is at most pi, and under a point that at its foot."""
+        """Upper bound (n,) of `value` in the cells: irradiance is at most pi, and under a point that at its
+        foot.
+        """
         light = self.scene.light
         highest = 1 / self.plane.height(light.position) ** 2 if isinstance(light, PointLight) else np.pi
         return highest * self._density(self._depth(*cells.at(_U, _V)).min(axis=1))
 
     def roughly(self, cells: Cells) -> Array:
-        """About the integral (n,) of `value` over cells; under a point no more than over the whole plane, 2 pi: its foot may be the middle."""
+        """About the integral (n,) of `value` over cells; under a point no more than over the whole plane, 2
+        pi: its foot may be the middle.
+        """
         middle = cells.at(np.array([0.5]), np.array([0.5]))
         rough = self.value(*middle)[:, 0] * cells.area
         if isinstance(self.scene.light, PointLight):
@@ -87,10 +99,12 @@ class Floor:
         return rough
 
     def resolved(self, cells: Cells) -> tuple[Array, Array]:
-        """Each direction's extent over the distance to the nearest singularity across it: the light's boundary, or depth 0.
+        """Each direction's extent over the distance to the nearest singularity across it: the light's
+        boundary, or depth 0.
 
-        The irradiance is analytic away from the boundary of the light, so that a cell no longer than its distance to it
-        lies well inside the region of convergence. An edge parallel to an axis does no harm along that axis.
+        The irradiance is analytic away from the boundary of the light, so that a cell no longer than its
+        distance to it lies well inside the region of convergence. An edge parallel to an axis does no harm
+        along that axis.
         """
         x, s = cells.at(_U, _V)
         points = self.origin + x[..., None] * self.x_axis + s[..., None] * self.s_axis
@@ -99,13 +113,21 @@ class Floor:
         deepest = DEPTH_STEP * depth.min(axis=(1, 2))
         x0, x1, l0, l1, r0, r1 = cells.shape
         slant = np.maximum(np.abs(l1 - l0), np.abs(r1 - r0))
-        along = np.maximum.reduce([(x1 - x0) / near_x, slant / near_s, np.ptp(depth, axis=2).max(axis=1) / deepest])
-        across = np.maximum(np.maximum(r0 - l0, r1 - l1) / near_s, np.ptp(depth, axis=1).max(axis=1) / deepest)
+        along = np.maximum.reduce(
+            [(x1 - x0) / near_x, slant / near_s, np.ptp(depth, axis=2).max(axis=1) / deepest]
+        )
+        across = np.maximum(
+            np.maximum(r0 - l0, r1 - l1) / near_s, np.ptp(depth, axis=1).max(axis=1) / deepest
+        )
         return along, across
 
     def _depth(self, x: Array, s: Array) -> Array:
         forward = self.film.to_camera[2]
-        return forward @ (self.origin - self.film.eye) + x * (forward @ self.x_axis) + s * (forward @ self.s_axis)
+        return (
+            forward @ (self.origin - self.film.eye)
+            + x * (forward @ self.x_axis)
+            + s * (forward @ self.s_axis)
+        )
 
     def _density(self, depth: Array) -> Array:
         return np.abs(np.linalg.det(self.film.to_camera)) * self.height / np.maximum(depth, 1e-300) ** 3
@@ -114,7 +136,9 @@ class Floor:
         """Distances (...) of points (..., 3) to what is singular along x and along s."""
         light = self.scene.light
         if isinstance(light, Sphere | PointLight):
-            d = np.linalg.norm(points - (light.center if isinstance(light, Sphere) else light.position), axis=-1)
+            d = np.linalg.norm(
+                points - (light.center if isinstance(light, Sphere) else light.position), axis=-1
+            )
             return d, d
         if isinstance(light, Disk):
             d = _rim_distance(points, light)
@@ -123,13 +147,16 @@ class Floor:
         d = _edge_distance(points, light.outline, edges)
         length = np.linalg.norm(edges, axis=1)
         across = [
-            np.linalg.norm(np.cross(edges, axis), axis=1) > PARALLEL * length for axis in (self.x_axis, self.s_axis)
+            np.linalg.norm(np.cross(edges, axis), axis=1) > PARALLEL * length
+            for axis in (self.x_axis, self.s_axis)
         ]
         return d[..., across[0]].min(axis=-1), d[..., across[1]].min(axis=-1)
 
 
 def make_floor(scene: ClosedFormScene, film: FilmPlane) -> Floor | None:
-    """The plane of the receivers with axes that suit the light; None if there is none, or the eye is in it."""
+    """The plane of the receivers with axes that suit the light; None if there is none, or the eye is in
+    it.
+    """
     plane = scene.plane
     if plane is None or plane.height(film.eye) <= 0:
         return None
@@ -153,7 +180,9 @@ def make_floor(scene: ClosedFormScene, film: FilmPlane) -> Floor | None:
 
 
 def front_plane(scene: ClosedFormScene, film: FilmPlane) -> Array | None:
-    """The film's half-space (3,) in which the plane's points are seen that lie before the light; None: nothing separates them."""
+    """The film's half-space (3,) in which the plane's points are seen that lie before the light; None:
+    nothing separates them.
+    """
     if scene.plane is None or isinstance(scene.light, Sphere | PointLight):
         return None
     light = scene.light

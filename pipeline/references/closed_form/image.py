@@ -1,7 +1,7 @@
 """A closed-form image put together: the light's share of each pixel, and the receivers' light over the rest.
 
-Every array here is over pieces, (n, v, 3) film polygons with the pixel they lie in, or over `owners`: receiver times
-pixels plus pixel, so that one quadrature serves receivers of any albedo.
+Every array here is over pieces, (n, v, 3) film polygons with the pixel they lie in, or over `owners`:
+receiver times pixels plus pixel, so that one quadrature serves receivers of any albedo.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from pipeline.references.closed_form.quadrature import Cells, Integrand, Totals,
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from pipeline.references.closed_form.scene import ClosedFormScene, Patch
 from pipeline.references.protocol import ReferenceImage
-from scenes.description import Disk, Film
+from scenes.description.scene import Film
+from scenes.description.shapes import Disk
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -38,7 +39,9 @@ _ARC_RULES = tuple(np.polynomial.legendre.leggauss(order) for order in (5, 3))
 
 @dataclass(frozen=True, eq=False)
 class PixelImage:
-    """mean, bound: (h w, 3), radiance averaged over each pixel and the bound of its error. cells: evaluated by the quadrature."""
+    """mean, bound: (h w, 3), radiance averaged over each pixel and the bound of its error. cells: evaluated
+    by the quadrature.
+    """
 
     mean: Array
     bound: Array
@@ -46,7 +49,9 @@ class PixelImage:
 
 
 def to_reference(image: PixelImage, film: Film, provenance: dict[str, str], start: float) -> ReferenceImage:
-    """The reference of film.width x film.height that an image makes: no samples, its bound's square for variance. start: by time.perf_counter()."""
+    """The reference of film.width x film.height that an image makes: no samples, its bound's square for
+    variance. start: by time.perf_counter().
+    """
     shape = (film.height, film.width, 3)
     known = {
         "variance": "square of the quadrature's error bound",
@@ -54,11 +59,15 @@ def to_reference(image: PixelImage, film: Film, provenance: dict[str, str], star
         "cells": str(image.cells),
     }
     seconds = time.perf_counter() - start
-    return ReferenceImage(image.mean.reshape(shape), image.bound.reshape(shape) ** 2, 0, 0, seconds, provenance | known)
+    return ReferenceImage(
+        image.mean.reshape(shape), image.bound.reshape(shape) ** 2, 0, 0, seconds, provenance | known
+    )
 
 
 def closed_form_image(scene: ClosedFormScene, film: FilmPlane, tolerance: float) -> PixelImage:
-    """Average radiance over every pixel, with `tolerance` relative to its value or to a hundredth of the receivers' mean."""
+    """Average radiance over every pixel, with `tolerance` relative to its value or to a hundredth of the
+    receivers' mean.
+    """
     outline, floor = silhouette(scene, film), make_floor(scene, film)
     arc_area, arc_light, arc_error = _segments(scene, film, floor, outline)
     share = (outline.covered * film.pixel_area + _cut_area(film, outline) + arc_area) / film.pixel_area
@@ -79,7 +88,9 @@ def radiance_at(scene: ClosedFormScene, film: FilmPlane, points: Array) -> Array
 
 
 def emitted(scene: ClosedFormScene) -> Array:
-    """Radiance (3,) of the light as the camera sees it: nothing from behind, where no light falls on it either."""
+    """Radiance (3,) of the light as the camera sees it: nothing from behind, where no light falls on it
+    either.
+    """
     if not isinstance(scene.light, Patch | Disk) or scene.two_sided:
         return scene.radiance
     point = scene.light.outline[0] if isinstance(scene.light, Patch) else scene.light.center
@@ -142,7 +153,9 @@ def _not_behind(film: FilmPlane, outline: Silhouette, pieces: Pieces) -> Pieces:
 
 
 def _lit(scene: ClosedFormScene, film: FilmPlane, pieces: Pieces) -> Pieces:
-    """The parts before the light, and those behind it where it has two sides: the irradiance has a kink between the two."""
+    """The parts before the light, and those behind it where it has two sides: the irradiance has a kink
+    between the two.
+    """
     plane = front_plane(scene, film)
     if plane is None:
         return pieces
@@ -174,7 +187,8 @@ def _floor_radiance(scene: ClosedFormScene, film: FilmPlane, floor: Floor | None
 def _segments(
     scene: ClosedFormScene, film: FilmPlane, floor: Floor | None, outline: Silhouette
 ) -> tuple[Array, Array, Array]:
-    """Between chord and arc of an elliptic outline: area (pixels,), what the receivers shine there, and its error, (pixels, 3).
+    """Between chord and arc of an elliptic outline: area (pixels,), what the receivers shine there, and its
+    error, (pixels, 3).
 
     There the light is seen, but the cut pieces of the receivers take it as theirs.
     """
@@ -190,20 +204,31 @@ def _segments(
 
 
 def _over_segments(
-    scene: ClosedFormScene, film: FilmPlane, floor: Floor | None, outline: Silhouette, rule: tuple[Array, Array]
+    scene: ClosedFormScene,
+    film: FilmPlane,
+    floor: Floor | None,
+    outline: Silhouette,
+    rule: tuple[Array, Array],
 ) -> Array:
-    """Area and receivers' radiance (n, 4) integrated over each segment: chord + u (arc - chord), Gauss along and across."""
+    """Area and receivers' radiance (n, 4) integrated over each segment: chord + u (arc - chord), Gauss along
+    and across.
+    """
     nodes, weights = (rule[0] + 1) / 2, rule[1] / 2
     arcs = outline.arcs
     share, u = (grid.ravel() for grid in np.meshgrid(nodes, nodes, indexing="ij"))
     step = np.diff(arcs.t, axis=1)
     ends = arcs.points(film, arcs.t)[:, :, None]
     chord, along = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * share[:, None], (ends[:, 1] - ends[:, 0])
-    arc, velocity = arcs.points(film, arcs.t[:, :1] + step * share), arcs.velocity(film, arcs.t[:, :1] + step * share)
+    arc, velocity = (
+        arcs.points(film, arcs.t[:, :1] + step * share),
+        arcs.velocity(film, arcs.t[:, :1] + step * share),
+    )
     sag = arc - chord
     tangent = along + u[:, None] * (velocity * step[..., None] - along)
     jacobian = np.abs(tangent[..., 0] * sag[..., 1] - tangent[..., 1] * sag[..., 0])
     points = (chord + u[:, None] * sag).reshape(-1, 3)
     radiance = _floor_radiance(scene, film, floor, points).reshape(*jacobian.shape, 3)
     weighted = jacobian * np.outer(weights, weights).ravel()
-    return np.concatenate((weighted.sum(axis=1)[:, None], np.einsum("nk,nkc->nc", weighted, radiance)), axis=1)
+    return np.concatenate(
+        (weighted.sum(axis=1)[:, None], np.einsum("nk,nkc->nc", weighted, radiance)), axis=1
+    )

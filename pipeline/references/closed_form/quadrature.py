@@ -1,13 +1,15 @@
-"""Adaptive quadrature over convex polygons in a plane, many owners (pixels) at once, with an error bound for each.
+"""Adaptive quadrature over convex polygons in a plane, many owners (pixels) at once, with an error bound for
+each.
 
-Polygons are cut along x into trapezoids, cells that stay trapezoids when halved in x or across. A cell's value is
-Gauss's with 7 x 7 nodes (degree 13); its error is estimated, for each of the two directions, as the difference to
-the degree-5 rule on five of the same nodes, which overstates it by far: where the estimate is 1e-6 the error is 1e-12.
+Polygons are cut along x into trapezoids, cells that stay trapezoids when halved in x or across. A cell's
+value is Gauss's with 7 x 7 nodes (degree 13); its error is estimated, for each of the two directions, as the
+difference to the degree-5 rule on five of the same nodes, which overstates it by far: where the estimate is
+1e-6 the error is 1e-12.
 
-Two rules that agree prove nothing about what both step over. So the caller's `resolved` is asked first, from the
-known places where the integrand is singular, whether a cell is small enough for its estimate to be believed; if it is
-not, the cell is halved without being evaluated, or, once even the largest possible integrand could not matter there,
-taken as it is with that largest possible value as its error.
+Two rules that agree prove nothing about what both step over. So the caller's `resolved` is asked first, from
+the known places where the integrand is singular, whether a cell is small enough for its estimate to be
+believed; if it is not, the cell is halved without being evaluated, or, once even the largest possible
+integrand could not matter there, taken as it is with that largest possible value as its error.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ CHUNK = 512  # cells evaluated at a time
 
 
 def _nested_rules() -> tuple[Array, Array, Array]:
-    """Gauss's nodes and weights on [0, 1], (7,), and the weights of the rule of degree 5 on five of them, 0 on the others."""
+    """Gauss's nodes and weights on [0, 1], (7,), and the weights of the rule of degree 5 on five of them, 0
+    on the others.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(7)
     kept, low = np.array([0, 1, 3, 5, 6]), np.zeros(7)
     low[kept] = np.linalg.solve(nodes[kept] ** np.arange(5)[:, None], [2, 0, 2 / 3, 0, 2 / 5])
@@ -39,7 +43,9 @@ _X, _W, _LOW = _nested_rules()
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Trapezoids: x from x0 to x1, s from the line l0-l1 to the line r0-r1. shape: (6, n) = x0 x1 l0 l1 r0 r1. owner: (n,)."""
+    """Trapezoids: x from x0 to x1, s from the line l0-l1 to the line r0-r1. shape: (6, n) = x0 x1 l0 l1 r0
+    r1. owner: (n,).
+    """
 
     shape: Array
     owner: Index
@@ -73,7 +79,8 @@ class Cells:
 class Integrand:
     """f(x, s) -> value, all (...), smooth in each cell; at most `most(cells)` (n,) in a cell.
 
-    resolved(cells) -> along x (n,), across (n,): each direction's extent over what the singularities allow, fine where <= 1.
+    resolved(cells) -> along x (n,), across (n,): each direction's extent over what the singularities allow,
+    fine where <= 1.
     """
 
     value: Callable[[Array, Array], Array]
@@ -91,11 +98,16 @@ class Totals:
 
 
 def trapezoids(polygons: Array, owner: Index) -> Cells:
-    """Cut convex polygons (n, v, 2) in (x, s), of either orientation, repeated vertices allowed, at the x of their vertices."""
+    """Cut convex polygons (n, v, 2) in (x, s), of either orientation, repeated vertices allowed, at the x of
+    their vertices.
+    """
     p, q = polygons, np.roll(polygons, -1, axis=1)
     xs = np.sort(p[..., 0], axis=1)
     lo, hi = xs[:, :-1, None], xs[:, 1:, None]
-    a, b = np.where(p[..., :1] <= q[..., :1], p, q)[:, None], np.where(p[..., :1] <= q[..., :1], q, p)[:, None]
+    a, b = (
+        np.where(p[..., :1] <= q[..., :1], p, q)[:, None],
+        np.where(p[..., :1] <= q[..., :1], q, p)[:, None],
+    )
     width = b[..., 0] - a[..., 0]
     spans = (a[..., 0] <= lo) & (b[..., 0] >= hi) & (width > 0)
     slope = (b[..., 1] - a[..., 1]) / np.where(spans, width, 1.0)
@@ -114,9 +126,11 @@ def sums(owner: Index, values: Array, owners: int) -> Array:
 
 
 def integrate(cells: Cells, f: Integrand, scale: Array, tolerance: float) -> Totals:
-    """Integrate f over the cells of each owner until each one's error bound is about `tolerance` times its scale.
+    """Integrate f over the cells of each owner until each one's error bound is about `tolerance` times its
+    scale.
 
-    scale: (owners,), the size of integral that matters. A cell is accepted below 1/16 of its owner's tolerance.
+    scale: (owners,), the size of integral that matters. A cell is accepted below 1/16 of its owner's
+    tolerance.
     """
     value, bound, evaluated = np.zeros_like(scale), np.zeros_like(scale), 0
     budget = tolerance * scale / 16
@@ -156,7 +170,9 @@ def _evaluate(cells: Cells, f: Integrand) -> tuple[Array, Array, Array]:
         x0, x1, l0, l1, r0, r1 = part.shape[..., None]
         weighted = f.value(x, s) * (x1 - x0) * ((r0 - l0) * (1 - u) + (r1 - l1) * u)
         grid = weighted.reshape(-1, 7, 7)
-        q, low_along, low_across = (np.einsum("nij,i,j->n", grid, a, b) for a, b in ((_W, _W), (_LOW, _W), (_W, _LOW)))
+        q, low_along, low_across = (
+            np.einsum("nij,i,j->n", grid, a, b) for a, b in ((_W, _W), (_LOW, _W), (_W, _LOW))
+        )
         results.append(np.stack((q, np.abs(q - low_along), np.abs(q - low_across))))
     q, along, across = np.concatenate(results, axis=1)
     return q, along, across

@@ -1,9 +1,10 @@
-"""Irradiance at exact points from one diffuse light without occluders: polygons, disks, spheres, and a knife edge.
+"""Irradiance at exact points from one diffuse light without occluders: polygons, disks, spheres, and a knife
+edge.
 
 All is float64 and vectorised over points. Public arrays are (n, 3); `radiance` is a number, giving (n,), or
-(3,), giving (n, 3). Irradiance is in W/m^2 for radiance in W/(m^2 sr); a Lambertian receiver of albedo rho then
-shows rho / pi times it. Lights emit on the side of their normal only: behind a light, in its plane and inside
-a sphere the answer is exactly 0.
+(3,), giving (n, 3). Irradiance is in W/m^2 for radiance in W/(m^2 sr); a Lambertian receiver of albedo rho
+then shows rho / pi times it. Lights emit on the side of their normal only: behind a light, in its plane and
+inside a sphere the answer is exactly 0.
 
 Polygons: Lambert's formula E = 1/2 sum theta_i n . (v_i x v_(i+1)) / |v_i x v_(i+1)| [lambert1760] [baum1989]
 after clipping at the receiver's horizon. Its edge terms cancel to the polygon's solid angle, so that below an
@@ -37,8 +38,8 @@ def polygon_irradiance(
 ) -> Array:
     """Irradiance from a planar convex polygon, clipped at each receiver's horizon.
 
-    points: (n, 3). normals: (n, 3) or (3,), unit. polygon: (v, 3) or (n, v, 3), counter-clockwise as seen from the
-    side that emits (normal (p1-p0) x (p2-p0)). radiance: a number or (3,).
+    points: (n, 3). normals: (n, 3) or (3,), unit. polygon: (v, 3) or (n, v, 3), counter-clockwise as seen
+    from the side that emits (normal (p1-p0) x (p2-p0)). radiance: a number or (3,).
     Returns (n,) or (n, 3).
     """
     p, n = _columns(points, normals)
@@ -56,11 +57,12 @@ def disk_irradiance(
     *,
     two_sided: bool = False,
 ) -> Array:
-    """Irradiance from a disk at any orientation, clipped at each receiver's horizon; a closed form throughout.
+    """Irradiance from a disk at any orientation, clipped at each receiver's horizon; a closed form
+    throughout.
 
     points: (n, 3). normals: (n, 3) or (3,), unit. center, normal (unit, the emitting side): (3,) or (n, 3).
-    radius: a number or (n,). Returns (n,) or (n, 3). The conditioning is that of the distance to the rim: at 1e-8
-    radii from the rim 8 digits remain.
+    radius: a number or (n,). Returns (n,) or (n, 3). The conditioning is that of the distance to the rim: at
+    1e-8 radii from the rim 8 digits remain.
     """
     p, n = _columns(points, normals)
     c, w = _column(center, p), _column(normal, p)
@@ -94,19 +96,25 @@ def knife_edge_irradiance(
 ) -> Array:
     """Irradiance from a convex polygon behind an opaque half-plane: the exact penumbra profile.
 
-    edge: (2, 3), two points of the half-plane's straight edge; blocked: (3,), a direction in the half-plane, from
-    the edge inwards. The polygon must lie on one side of the half-plane's plane (ValueError otherwise); receivers
-    on the same side as it, and in the plane, are not shadowed. The other arguments are those of `polygon_irradiance`.
-    Method: clip by the plane through receiver and edge, then by the horizon, then Lambert. An empty polygon gives
-    exactly 0, and so does the umbra's edge itself, where the plane touches the polygon (clipping keeps strict insides).
+    edge: (2, 3), two points of the half-plane's straight edge; blocked: (3,), a direction in the half-plane,
+    from the edge inwards. The polygon must lie on one side of the half-plane's plane (ValueError otherwise);
+    receivers on the same side as it, and in the plane, are not shadowed. The other arguments are those of
+    `polygon_irradiance`. Method: clip by the plane through receiver and edge, then by the horizon, then
+    Lambert. An empty polygon gives exactly 0, and so does the umbra's edge itself, where the plane touches
+    the polygon (clipping keeps strict insides).
     """
     p, n = _columns(points, normals)
     base, shape = _relative(polygon, p)
-    (a, b), into = np.asarray(edge, dtype=np.float64)[..., None], np.asarray(blocked, dtype=np.float64)[:, None]
+    (a, b), into = (
+        np.asarray(edge, dtype=np.float64)[..., None],
+        np.asarray(blocked, dtype=np.float64)[:, None],
+    )
     plane = cross(b - a, into)
     light = dot(plane[:, None], (base + p - a)[:, None] + shape)
     if light.min() < 0 < light.max():
-        raise ValueError("the light crosses the plane of the knife edge: the closed form needs it on one side")
+        raise ValueError(
+            "the light crosses the plane of the knife edge: the closed form needs it on one side"
+        )
     shadowed = dot(plane, p - a) * light.sum(axis=0) < 0
     m = cross(a - p, b - a)
     m = np.where(dot(m, into) > 0, -m, m)
@@ -116,12 +124,14 @@ def knife_edge_irradiance(
     return _times(_polygon(base, shape, n, False, facing=_area_vector(whole)), radiance)
 
 
-def clip_polygon_by_plane(polygon: Vectors, normal: Vectors, offset: Numbers = 0.0) -> tuple[Array, NDArray[np.int64]]:
+def clip_polygon_by_plane(
+    polygon: Vectors, normal: Vectors, offset: Numbers = 0.0
+) -> tuple[Array, NDArray[np.int64]]:
     """The part of convex polygons with normal . x > offset [sutherland1974], of fixed size.
 
     polygon: (n, v, 3). normal: (3,) or (n, 3). offset: a number or (n,).
-    Returns vertices (n, v + 1, 3), in order, the last one repeated to fill up, and their number (n,), 0 where nothing
-    is left. A vertex in the plane counts as outside: what merely touches the plane is empty.
+    Returns vertices (n, v + 1, 3), in order, the last one repeated to fill up, and their number (n,), 0 where
+    nothing is left. A vertex in the plane counts as outside: what merely touches the plane is empty.
     """
     shape = np.moveaxis(np.asarray(polygon, dtype=np.float64), -1, 0).swapaxes(1, 2)
     plane = _column(normal, shape[:, 0])
@@ -163,7 +173,9 @@ def _area_vector(shape: Array) -> Array:
 
 
 def _clip(shape: Array, distance: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Sutherland-Hodgman for one plane: shape (3, v, n), signed distance of the vertices (v, n) -> (3, v + 1, n), count (n,)."""
+    """Sutherland-Hodgman for one plane: shape (3, v, n), signed distance of the vertices (v, n) -> (3, v + 1,
+    n), count (n,).
+    """
     following, d1 = np.roll(shape, -1, axis=1), np.roll(distance, -1, axis=0)
     inside, crossing = distance > 0, (distance > 0) != (d1 > 0)
     t = np.where(crossing, distance, 0.0) / np.where(crossing, distance - d1, 1.0)
@@ -179,13 +191,18 @@ def _clip(shape: Array, distance: Array) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _polygon(base: Array, shape: Array, n: Array, two_sided: bool, facing: Array | None = None) -> Array:
-    """Irradiance (n,) per unit radiance of polygons `base + shape`; `facing` is the light's normal where `shape` is a part of it."""
+    """Irradiance (n,) per unit radiance of polygons `base + shape`; `facing` is the light's normal where
+    `shape` is a part of it.
+    """
     side = -dot(_area_vector(shape) if facing is None else facing, base)
     height = dot(n, base) + dot(n[:, None], shape)
     lit = (side > 0) | (two_sided & (side < 0))
     e = np.zeros(base.shape[1])
     whole = lit & (height.min(axis=0) >= 0)
-    for rows, clip in ((np.flatnonzero(whole), False), (np.flatnonzero(lit & ~whole & (height.max(axis=0) > 0)), True)):
+    for rows, clip in (
+        (np.flatnonzero(whole), False),
+        (np.flatnonzero(lit & ~whole & (height.max(axis=0) > 0)), True),
+    ):
         if rows.size:
             part = shape[:, :, rows]
             part = _clip(part, height[:, rows])[0] if clip else part
@@ -208,7 +225,9 @@ def _above_horizon(base: Array, shape: Array, n: Array) -> Array:
 
 
 def _contour(v: Array, shape: Array, n: Array) -> Array:
-    """Lambert's sum over edges; v_i x v_(i+1) is taken as v_i x edge, and an edge seen end-on adds nothing."""
+    """Lambert's sum over edges; v_i x v_(i+1) is taken as v_i x edge, and an edge seen end-on adds
+    nothing.
+    """
     k = cross(v, np.roll(shape, -1, axis=1) - shape)
     sine = np.sqrt(dot(k, k))
     angle = np.arctan2(sine, dot(v, np.roll(v, -1, axis=1)))
@@ -216,7 +235,9 @@ def _contour(v: Array, shape: Array, n: Array) -> Array:
 
 
 def _cubature(v0: Array, extent: Array, n: Array) -> Array:
-    """Gauss over the triangles of the fan at the first vertex: the integrand (n . r)(normal . r) / |r|^4 is smooth and positive."""
+    """Gauss over the triangles of the fan at the first vertex: the integrand (n . r)(normal . r) / |r|^4 is
+    smooth and positive.
+    """
     e1, e2 = extent[:, 1:-1], extent[:, 2:]
     weight = np.abs(dot(cross(e1, e2), v0[:, None]))
     e = np.zeros(v0.shape[1])

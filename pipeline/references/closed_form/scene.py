@@ -1,8 +1,9 @@
 """Which scenes have a closed form, and what of them it needs: one light over coplanar diffuse receivers.
 
-Accepted: exactly one light, a planar convex patch, a disk or a sphere; every other shape lies in one plane, made
-of convex pieces that do not overlap; light and camera are on the same side of that plane. Then nothing can lie
-between light and receiver, nor between light and camera, and the radiance of every visible point is a formula.
+Accepted: exactly one light, a planar convex patch, a disk or a sphere; every other shape lies in one plane,
+made of convex pieces that do not overlap; light and camera are on the same side of that plane. Then nothing
+can lie between light and receiver, nor between light and camera, and the radiance of every visible point is a
+formula.
 """
 
 from __future__ import annotations
@@ -13,23 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
-from scenes.description import (
-    BilinearMesh,
-    Diffuse,
-    Disk,
-    Light,
-    PerspectiveCamera,
-    PointLight,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-)
+from scenes.description.lights import Light, PointLight
+from scenes.description.materials import Diffuse
+from scenes.description.scene import PerspectiveCamera, SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
 
-FLAT = 1e-9  # out-of-plane error allowed, relative to a shape's extent: far above rounding, far below any picture
+# out-of-plane error allowed, relative to a shape's extent: far above rounding, far below any picture
+FLAT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +59,9 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class ClosedFormScene:
-    """A scene with a closed form. radiance: (3,), a point light's intensity; eye: (3,), the camera's place; plane is None where there are no receivers."""
+    """A scene with a closed form. radiance: (3,), a point light's intensity; eye: (3,), the camera's place;
+    plane is None where there are no receivers.
+    """
 
     light: Emitter
     radiance: Array
@@ -95,15 +91,21 @@ def analyse(scene: SceneDescription) -> ClosedFormScene:
 
 def _under_point(scene: SceneDescription, light: Light) -> ClosedFormScene:
     if not isinstance(light, PointLight):
-        raise SceneError("the closed form has no spot lights, nor a sky or sun beside another light", light.where)
+        raise SceneError(
+            "the closed form has no spot lights, nor a sky or sun beside another light", light.where
+        )
     receivers, plane, eye = ground(scene)
     if plane is not None and plane.height(light.position) <= FLAT * float(np.abs(eye - plane.point).max()):
-        raise SceneError("the closed form needs light and camera on the same side of the receivers' plane", light.where)
+        raise SceneError(
+            "the closed form needs light and camera on the same side of the receivers' plane", light.where
+        )
     return ClosedFormScene(light, light.intensity, False, receivers, plane, eye)
 
 
 def ground(scene: SceneDescription) -> tuple[tuple[Receiver, ...], Plane | None, Array]:
-    """What does not emit, the plane that it lies in, and the eye (3,); SceneError where it is not plain enough."""
+    """What does not emit, the plane that it lies in, and the eye (3,); SceneError where it is not plain
+    enough.
+    """
     pixel = scene.film.pixel_filter
     if (pixel.kind, pixel.xradius, pixel.yradius) != ("box", 0.5, 0.5):
         raise SceneError("the closed form needs the box filter of one pixel")
@@ -140,7 +142,8 @@ def _receiver(shape: ShapeDescription) -> Receiver:
     if not isinstance(shape.geometry, TriangleMesh | BilinearMesh):
         kind = type(shape.geometry).__name__.lower()
         raise SceneError(
-            f"the closed form needs flat receivers of triangles or patches, and there is a {kind}", shape.where
+            f"the closed form needs flat receivers of triangles or patches, and there is a {kind}",
+            shape.where,
         )
     if not isinstance(shape.material, Diffuse) or not isinstance(shape.material.reflectance, np.ndarray):
         raise SceneError("the closed form needs receivers of one diffuse reflectance each", shape.where)
@@ -150,9 +153,10 @@ def _receiver(shape: ShapeDescription) -> Receiver:
 def outline(mesh: TriangleMesh | BilinearMesh, shape: ShapeDescription, *, oriented: bool) -> Patch:
     """The outline of a mesh that tiles a planar convex polygon; SceneError if it does not.
 
-    Proof of tiling: all faces are convex and turn the same way, the edges they share cancel, and what remains is one
-    convex loop of winding number 1, so that every point inside is covered exactly once.
-    oriented: faces must already turn the same way (a light's do matter); else those that do not are turned round.
+    Proof of tiling: all faces are convex and turn the same way, the edges they share cancel, and what remains
+    is one convex loop of winding number 1, so that every point inside is covered exactly once.
+    oriented: faces must already turn the same way (a light's do matter); else those that do not are turned
+    round.
     """
     faces = _corners(mesh)
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
@@ -198,12 +202,16 @@ def _boundary(faces: NDArray[np.int64], shape: ShapeDescription) -> list[int]:
     while loop and following[loop[-1]] != loop[0] and len(loop) <= len(following):
         loop.append(following[loop[-1]])
     if np.unique(code).size != code.size or len(loop) != int(outer.sum()):
-        raise SceneError("the closed form needs faces that form one patch without holes or overlaps", shape.where)
+        raise SceneError(
+            "the closed form needs faces that form one patch without holes or overlaps", shape.where
+        )
     return loop
 
 
 def _convex_loop(vertices: Array, loop: list[int], normal: Array, shape: ShapeDescription) -> Array:
-    """The loop's corners (m, 3), without those on a straight line; it must turn left everywhere, and once round in all."""
+    """The loop's corners (m, 3), without those on a straight line; it must turn left everywhere, and once
+    round in all.
+    """
     p = vertices[loop]
     edges = np.roll(p, -1, axis=0) - p
     following = np.roll(edges, -1, axis=0)
@@ -248,8 +256,12 @@ def _require_same_side(light: Patch | Disk | Sphere, plane: Plane, eye: Array) -
         raise SceneError("the closed form needs light and camera on the same side of the receivers' plane")
 
 
-def _require_visible_outline(light: Patch | Disk | Sphere, camera: PerspectiveCamera, shape: ShapeDescription) -> None:
-    """A disk or sphere must not straddle the plane through the camera across its view: its outline would be a hyperbola."""
+def _require_visible_outline(
+    light: Patch | Disk | Sphere, camera: PerspectiveCamera, shape: ShapeDescription
+) -> None:
+    """A disk or sphere must not straddle the plane through the camera across its view: its outline would be a
+    hyperbola.
+    """
     if isinstance(light, Patch):
         return
     eye, forward = camera.camera_to_world[:3, 3], np.linalg.inv(camera.camera_to_world[:3, :3])[2]
@@ -257,5 +269,6 @@ def _require_visible_outline(light: Patch | Disk | Sphere, camera: PerspectiveCa
     nearest, farthest = (forward @ (light_points(light, sign * forward) - eye) for sign in (-1.0, 1.0))
     if nearest <= 0 <= farthest:
         raise SceneError(
-            "the closed form needs a disk or sphere light wholly before or wholly behind the camera", shape.where
+            "the closed form needs a disk or sphere light wholly before or wholly behind the camera",
+            shape.where,
         )

@@ -1,7 +1,9 @@
-"""Closed-form images of coplanar receivers under lights that shine on all of them alike: distant ones, and a sky of one radiance.
+"""Closed-form images of coplanar receivers under lights that shine on all of them alike: distant ones, and a
+sky of one radiance.
 
-Nothing is hidden from anything, so that the irradiance is a number and a pixel is a matter of areas: the share of it that
-each receiver covers, and the sky in the rest. Ambient occlusion is the same with white receivers under a white, unseen sky.
+Nothing is hidden from anything, so that the irradiance is a number and a pixel is a matter of areas: the
+share of it that each receiver covers, and the sky in the rest. Ambient occlusion is the same with white
+receivers under a white, unseen sky.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from pipeline.references.closed_form.film import FilmPlane, areas, classify, cli
 from pipeline.references.closed_form.image import PixelImage
 from pipeline.references.closed_form.quadrature import sums
 from pipeline.references.closed_form.scene import Plane, Receiver, ground
-from scenes.description import DistantLight, Environment, SceneDescription
+from scenes.description.lights import DistantLight, Environment
+from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -25,7 +28,9 @@ ROUNDING = 1e-12  # of a pixel's area: what clipping and summing a few polygons 
 
 @dataclass(frozen=True, eq=False)
 class UniformScene:
-    """irradiance: (3,), on the side of the receivers that the camera sees; sky: (3,), the radiance where nothing is met."""
+    """irradiance: (3,), on the side of the receivers that the camera sees; sky: (3,), the radiance where
+    nothing is met.
+    """
 
     receivers: tuple[Receiver, ...]
     irradiance: Array
@@ -35,11 +40,17 @@ class UniformScene:
 def is_uniform(scene: SceneDescription) -> bool:
     """Whether all of its light comes from directions rather than from places."""
     emits = any(shape.emission for shape in scene.shapes)
-    return bool(scene.lights) and not emits and all(isinstance(one, DistantLight | Environment) for one in scene.lights)
+    return (
+        bool(scene.lights)
+        and not emits
+        and all(isinstance(one, DistantLight | Environment) for one in scene.lights)
+    )
 
 
 def uniform_scene(scene: SceneDescription) -> UniformScene:
-    """The parts of such a scene; SceneError where its sky is not of one radiance, or its surfaces are not plain enough."""
+    """The parts of such a scene; SceneError where its sky is not of one radiance, or its surfaces are not
+    plain enough.
+    """
     receivers, plane, _ = ground(scene)
     irradiance, sky = np.zeros(3), np.zeros(3)
     for light in scene.lights:
@@ -53,9 +64,13 @@ def uniform_scene(scene: SceneDescription) -> UniformScene:
 
 
 def open_scene(scene: SceneDescription) -> UniformScene:
-    """The scene whose image is the ambient occlusion of `scene`; SceneError where shapes may hide something from each other."""
+    """The scene whose image is the ambient occlusion of `scene`; SceneError where shapes may hide something
+    from each other.
+    """
     if any(shape.emission for shape in scene.shapes):
-        raise SceneError("the closed form of ambient occlusion needs a scene without lights that may be in the way")
+        raise SceneError(
+            "the closed form of ambient occlusion needs a scene without lights that may be in the way"
+        )
     receivers = tuple(Receiver(receiver.patch, np.ones(3)) for receiver in ground(scene)[0])
     return UniformScene(receivers, np.full(3, np.pi), np.zeros(3))
 
@@ -66,7 +81,9 @@ def uniform_image(scene: UniformScene, film: FilmPlane) -> PixelImage:
     for receiver in scene.receivers:
         seen = receiver.reflectance / np.pi * scene.irradiance - scene.sky
         mean = mean + np.multiply.outer(_share(film, receiver), seen)
-    brightest = np.max([scene.sky, *(one.reflectance / np.pi * scene.irradiance for one in scene.receivers)], axis=0)
+    brightest = np.max(
+        [scene.sky, *(one.reflectance / np.pi * scene.irradiance for one in scene.receivers)], axis=0
+    )
     return PixelImage(mean, np.broadcast_to(ROUNDING * brightest, mean.shape), 0)
 
 

@@ -1,9 +1,11 @@
-"""Environments for Mitsuba: any number of them, summed into one latitude-longitude image, and how far that is from the truth.
+"""Environments for Mitsuba: any number of them, summed into one latitude-longitude image, and how far that is
+from the truth.
 
-pbrt looks an environment up to the nearest texel, of a square equal-area map or (ours) of a latitude-longitude one. Mitsuba has one
-environment at most, in latitude and longitude, and interpolates: its first and last rows lie on the poles, its columns' middles at
-(i + 1/2) / width. So each of its texels gets the mean of the truth over the cell around it, and the image is made so fine that the
-ramps between texels are narrow. What is left is measured, not assumed: `compare`.
+pbrt looks an environment up to the nearest texel, of a square equal-area map or (ours) of a
+latitude-longitude one. Mitsuba has one environment at most, in latitude and longitude, and interpolates: its
+first and last rows lie on the poles, its columns' middles at (i + 1/2) / width. So each of its texels gets
+the mean of the truth over the cell around it, and the image is made so fine that the ramps between texels are
+narrow. What is left is measured, not assumed: `compare`.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import Array, Environment
+from scenes.description.lights import Environment
+from scenes.description.shapes import Array
 
 Indices = NDArray[np.int64]
 
@@ -32,10 +35,12 @@ QUADRATURE = 512  # parts of the truth from pole to pole, at least
 
 @dataclass(frozen=True, eq=False)
 class LatitudeLongitude:
-    """image: (rows, columns, 3), rows from pole to pole inclusive. frame: (3, 3), columns its axes in world space.
+    """image: (rows, columns, 3), rows from pole to pole inclusive. frame: (3, 3), columns its axes in world
+    space.
 
-    irradiance_error: the largest error of the irradiance of `DIRECTIONS` surfaces, over the largest irradiance.
-    mean_error: the mean absolute error of radiance, over the mean radiance: what is seen where texels meet.
+    irradiance_error: the largest error of the irradiance of `DIRECTIONS` surfaces, over the largest
+    irradiance. mean_error: the mean absolute error of radiance, over the mean radiance: what is seen where
+    texels meet.
     """
 
     image: Array
@@ -69,7 +74,9 @@ def _latitude_longitude(d: Array) -> Array:
 
 
 def equal_area_square(d: Array) -> Array:
-    """Unit vectors (..., 3) on the square [0, 1]^2, (..., 2), by the equal-area octahedral map [pharr2023, 3.8.3]."""
+    """Unit vectors (..., 3) on the square [0, 1]^2, (..., 2), by the equal-area octahedral map [pharr2023,
+    3.8.3].
+    """
     x, y, z = (np.abs(d[..., i]) for i in range(3))
     # 1 - |z| would cancel near the poles.
     r = np.hypot(x, y) / np.sqrt(1 + z)
@@ -82,7 +89,9 @@ def equal_area_square(d: Array) -> Array:
 
 @functools.lru_cache(maxsize=2)
 def resampled(environments: tuple[Environment, ...]) -> LatitudeLongitude:
-    """The sum of the environments as one image in the frame of the first that has an image, or a hemisphere."""
+    """The sum of the environments as one image in the frame of the first that has an image, or a
+    hemisphere.
+    """
     first = next((one for one in environments if one.image is not None or one.hemisphere), environments[0])
     rows, columns = _size(environments)
     image = np.concatenate([_rows(environments, first.frame, rows, columns, j) for j in range(0, rows, 64)])
@@ -98,7 +107,11 @@ def _size(environments: Sequence[Environment]) -> tuple[int, int]:
         height, width = images[0].image.shape[:2]
         factor = max(1, min(-(-ROWS // height), 2 * MOST_ROWS // width))
         return height * factor + 1, width * max(factor, -(-COLUMNS // width))
-    texels = [np.sqrt(4 * np.pi / (one.image.shape[0] * one.image.shape[1])) for one in images if one.image is not None]
+    texels = [
+        np.sqrt(4 * np.pi / (one.image.shape[0] * one.image.shape[1]))
+        for one in images
+        if one.image is not None
+    ]
     wanted = FINENESS * np.pi / min(texels, default=np.pi)
     rows = int(min(MOST_ROWS, max(ROWS, 2 ** np.ceil(np.log2(wanted)))))
     return rows + 1, 2 * rows
@@ -108,7 +121,9 @@ def _rows(environments: Sequence[Environment], frame: Array, rows: int, columns:
     """64 rows from `start` on: means over cells, weighted by solid angle."""
     step = np.pi / (rows - 1)
     cells = np.arange(start, min(start + 64, rows))
-    parts = 2 * max(1, round(SUBCELLS / (rows - 1) / 2))  # even: edges of texels may lie on the middle of a cell
+    parts = 2 * max(
+        1, round(SUBCELLS / (rows - 1) / 2)
+    )  # even: edges of texels may lie on the middle of a cell
     inner = (np.arange(parts) + 0.5) / parts - 0.5
     polar = (cells[:, None] + inner).ravel() * step
     weight = np.where((polar > 0) & (polar < np.pi), np.sin(polar), 0.0)
@@ -145,8 +160,8 @@ def interpolated(image: Array, d: Array) -> Array:
 def compare(environments: Sequence[Environment], image: Array, frame: Array) -> tuple[float, float]:
     """irradiance_error and mean_error of LatitudeLongitude.
 
-    Irradiance is summed over parts of the truth's own texels, which no edge cuts, and over the image's cells: each is
-    exact to 1e-6 or so, and their difference is the resampling's.
+    Irradiance is summed over parts of the truth's own texels, which no edge cuts, and over the image's cells:
+    each is exact to 1e-6 or so, and their difference is the resampling's.
     """
     normals = fibonacci(DIRECTIONS)
     truth = functools.reduce(np.add, (_irradiance(*_parts(one), normals) for one in environments))
@@ -160,12 +175,16 @@ def compare(environments: Sequence[Environment], image: Array, frame: Array) -> 
 
 
 def _irradiance(d: Array, value: Array, normals: Array) -> Array:
-    """Of surfaces with these normals (k, 3), from radiance times solid angle (m, 3) towards d (m, 3): (k, 3)."""
+    """Of surfaces with these normals (k, 3), from radiance times solid angle (m, 3) towards d (m, 3): (k,
+    3).
+    """
     return np.stack([np.maximum(d @ normal, 0.0) @ value for normal in normals])
 
 
 def _cells(image: Array, frame: Array) -> tuple[Array, Array]:
-    """Directions of the image's texels, and what each contributes when interpolated: the integral of its tent over the sphere."""
+    """Directions of the image's texels, and what each contributes when interpolated: the integral of its tent
+    over the sphere.
+    """
     rows, columns = len(image), len(image[0])
     step, wide = np.pi / (rows - 1), 2 * np.pi / columns
     polar = np.linspace(0.0, np.pi, rows)
@@ -204,7 +223,11 @@ def equal_area_direction(u: Array, v: Array) -> Array:
     r = 1 - np.abs(inside)
     angle = (np.divide(ay - ax, r, out=np.zeros_like(r), where=r > 0) + 1) * (np.pi / 4)
     flat = r * np.sqrt(2 - r * r)
-    parts = (np.copysign(np.cos(angle), x) * flat, np.copysign(np.sin(angle), y) * flat, np.copysign(1 - r * r, inside))
+    parts = (
+        np.copysign(np.cos(angle), x) * flat,
+        np.copysign(np.sin(angle), y) * flat,
+        np.copysign(1 - r * r, inside),
+    )
     return np.stack(parts, axis=-1)
 
 

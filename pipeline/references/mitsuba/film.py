@@ -1,10 +1,13 @@
-"""pbrt's pixel filters for Mitsuba: where in and around its pixel a sample lies, by equal steps of probability."""
+"""pbrt's pixel filters for Mitsuba: where in and around its pixel a sample lies, by equal steps of
+probability.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scenes.description import Array, Film, PixelFilter
+from scenes.description.scene import Film, PixelFilter
+from scenes.description.shapes import Array
 
 STEPS = 4096  # of probability; measured, the offsets' second moment is within 1e-6 of the filter's
 FINE = 2**16  # intervals over which the filter is summed

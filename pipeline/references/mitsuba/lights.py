@@ -9,7 +9,8 @@ import numpy as np
 from pipeline.references.mitsuba.environment import LatitudeLongitude, resampled
 from pipeline.references.mitsuba.shapes import Frame, affine, basis
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description import Array, DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.shapes import Array
 from scenes.errors import SceneError
 
 WIDEST_CONE = 88.0  # degrees: a spot's falloff is an image on a plane before it
@@ -20,7 +21,8 @@ MITSUBA_AXES = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def lights(given: Sequence[Light], frame: Frame) -> tuple[list[Plugin], dict[str, str]]:
-    """The lights in normalised coordinates, and notes on how exact they are; SceneError where one has no counterpart.
+    """The lights in normalised coordinates, and notes on how exact they are; SceneError where one has no
+    counterpart.
 
     Radiance and irradiance do not depend on the scale of a scene; intensity grows with its square.
     """
@@ -29,7 +31,9 @@ def lights(given: Sequence[Light], frame: Frame) -> tuple[list[Plugin], dict[str
         match light:
             case PointLight():
                 values = {"to_world": affine(np.eye(3), frame.points(light.position))}
-                plugins.append(Plugin("emitter", "point", values | {"intensity": light.intensity * frame.scale**2}))
+                plugins.append(
+                    Plugin("emitter", "point", values | {"intensity": light.intensity * frame.scale**2})
+                )
             case SpotLight():
                 plugins.append(_spot(light, frame))
             case DistantLight():
@@ -57,15 +61,19 @@ def _environment(given: tuple[Environment, ...]) -> tuple[list[Plugin], dict[str
 def _said(image: LatitudeLongitude) -> str:
     rows, columns = image.image.shape[:2]
     return (
-        f"resampled to {columns} x {rows} in latitude and longitude: irradiance within {image.irradiance_error:.1e} of the largest, "
+        f"resampled to {columns} x {rows} in latitude and longitude: irradiance within {image.irradiance_error:.1e} of the largest, "  # noqa: E501
         f"radiance within {image.mean_error:.1e} of the mean on average (all of it where texels meet)"
     )
 
 
 def _spot(light: SpotLight, frame: Frame) -> Plugin:
-    """Mitsuba's own falloff is linear in the angle: pbrt's is laid over it as an image on the plane at distance 1."""
+    """Mitsuba's own falloff is linear in the angle: pbrt's is laid over it as an image on the plane at
+    distance 1.
+    """
     if light.cone > WIDEST_CONE:
-        raise SceneError(f"a spot's cone of {light.cone:g} degrees is beyond Mitsuba's ({WIDEST_CONE:g})", light.where)
+        raise SceneError(
+            f"a spot's cone of {light.cone:g} degrees is beyond Mitsuba's ({WIDEST_CONE:g})", light.where
+        )
     values: dict[str, Array | float | Plugin] = {
         "to_world": affine(basis(light.axis), frame.points(light.position)),
         "intensity": light.intensity * frame.scale**2,
@@ -79,16 +87,18 @@ def _spot(light: SpotLight, frame: Frame) -> Plugin:
 
 
 def falloff(light: SpotLight) -> Array:
-    """pbrt's falloff over the square around the cone, (n, n, 1): as coarse as FALLOFF_ERROR allows, SceneError if that is too fine.
+    """pbrt's falloff over the square around the cone, (n, n, 1): as coarse as FALLOFF_ERROR allows,
+    SceneError if that is too fine.
 
-    Linear interpolation errs by at most the second derivative times the squared step over 8; the steepest bend is along the radius.
+    Linear interpolation errs by at most the second derivative times the squared step over 8; the steepest
+    bend is along the radius.
     """
     radius = np.linspace(0.0, 1.0, 2**16 + 1)
     bend = np.abs(np.diff(_falloff_at(light, radius), 2)).max() * 2.0**32
     size = int(np.ceil(np.sqrt(bend / (8 * FALLOFF_ERROR)) * 2)) + 2  # a step is 2 / size of the radius
     if size > MOST_FALLOFF:
         raise SceneError(
-            f"a spot that falls off between {light.falloff_start:g} and {light.cone:g} degrees is too steep for Mitsuba: "
+            f"a spot that falls off between {light.falloff_start:g} and {light.cone:g} degrees is too steep for Mitsuba: "  # noqa: E501
             "start the falloff earlier, or at the cone itself",
             light.where,
         )
@@ -97,7 +107,9 @@ def falloff(light: SpotLight) -> Array:
 
 
 def _falloff_at(light: SpotLight, radius: Array) -> Array:
-    """At distances from the axis in units of the cone's radius: the smoothstep of the cosine [pharr2023, 12.2.1]."""
+    """At distances from the axis in units of the cone's radius: the smoothstep of the cosine [pharr2023,
+    12.2.1].
+    """
     cosine = 1 / np.sqrt(1 + (radius * np.tan(np.radians(light.cone))) ** 2)
     edge, start = np.cos(np.radians([light.cone, light.falloff_start]))
     x = np.clip((cosine - edge) / (start - edge), 0.0, 1.0)

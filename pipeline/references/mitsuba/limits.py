@@ -14,23 +14,18 @@ from pipeline.references.mitsuba.shadows import EARLY, overlooked
 from pipeline.references.mitsuba.shapes import Frame, basis, side_shift, triangles
 from pipeline.references.mitsuba.worker import RAY_LIFT
 from pipeline.references.protocol import unlit
-from scenes.description import (
-    Array,
-    Disk,
-    Geometry,
-    PointLight,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-)
+from scenes.description.lights import PointLight, SpotLight
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Array, Disk, Geometry, ShapeDescription, Sphere
 from scenes.errors import Location
 
 RIM = 64  # points on a disk's rim
 
 
 def reason(scene: SceneDescription) -> str | None:
-    """Why `scene` is out of Mitsuba's reach, in one sentence, or None; SceneError where it cannot be converted at all."""
+    """Why `scene` is out of Mitsuba's reach, in one sentence, or None; SceneError where it cannot be
+    converted at all.
+    """
     if why := unlit(scene):
         return why
     convert(scene)
@@ -51,7 +46,9 @@ class _Proxy:
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """A light that has a place. shape: its own, which it may touch; moved: how far its conversion moves it, in normalised coordinates."""
+    """A light that has a place. shape: its own, which it may touch; moved: how far its conversion moves it,
+    in normalised coordinates.
+    """
 
     proxy: _Proxy
     where: Location | None
@@ -60,18 +57,24 @@ class _Light:
 
 
 def _overlooked_gap(scene: SceneDescription) -> str | None:
-    """A light nearer to another shape than a ray starts off it: measured, Mitsuba then reads 0 where the truth is 0.5."""
+    """A light nearer to another shape than a ray starts off it: measured, Mitsuba then reads 0 where the
+    truth is 0.5.
+    """
     frame = normalising_frame(scene)
     proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
     for light in _lights(scene, proxies, frame):
         low, high = light.proxy.box()
         lift = RAY_LIFT * (1.0 + float(np.abs(np.stack([low, high])).max())) + light.moved
         for other, far in proxies:
-            gap = _gap(light.proxy, _within(far, low - lift, high + lift)) if other is not light.shape else np.inf
+            gap = (
+                _gap(light.proxy, _within(far, low - lift, high + lift))
+                if other is not light.shape
+                else np.inf
+            )
             if gap < lift:
                 where = f" ({light.where})" if light.where else ""
                 return (
-                    f"a light{where} is {gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "
+                    f"a light{where} is {gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "  # noqa: E501
                     f"{lift / frame.scale:.2g} off a surface and overlook it"
                 )
     return None
@@ -90,13 +93,15 @@ def _overlooked_shade(scene: SceneDescription) -> str | None:
         if distance is not None:
             where = f" ({light.where})" if light.where else ""
             return (
-                f"a light{where} is {distance / frame.scale:.2g} from a surface that shades, where Mitsuba's shadow rays "
+                f"a light{where} is {distance / frame.scale:.2g} from a surface that shades, where Mitsuba's shadow rays "  # noqa: E501
                 f"have ended already: {EARLY:g} of their length before the light"
             )
     return None
 
 
-def _lights(scene: SceneDescription, proxies: list[tuple[ShapeDescription, _Proxy]], frame: Frame) -> Iterator[_Light]:
+def _lights(
+    scene: SceneDescription, proxies: list[tuple[ShapeDescription, _Proxy]], frame: Frame
+) -> Iterator[_Light]:
     for shape, proxy in proxies:
         if shape.emission:
             moved = side_shift(shape.geometry, frame) if shape.emission.two_sided else 0.0

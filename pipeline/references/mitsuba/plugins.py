@@ -1,10 +1,15 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
-"""What Mitsuba lacks of pbrt-v4, as plugins in Python: its rough metal and its pixel filters. Given mitsuba, never importing it.
+"""What Mitsuba lacks of pbrt-v4, as plugins in Python: its rough metal and its pixel filters. Given mitsuba,
+never importing it.
 
-- Mitsuba's `roughconductor` takes Smith's shadowing and masking as independent, G = G1(wi) G1(wo); pbrt's are correlated by height,
-  G = 1 / (1 + Lambda(wi) + Lambda(wo)) [pharr2023]. At roughness 0.5, 60 and 70 degrees off the normal, that is 3.6 % of the value.
-- Mitsuba splats samples into neighbouring pixels, and its gaussian ends at four standard deviations, not where the file says. pbrt
-  draws each sample's place from the filter and keeps it in its pixel [pharr2023]: pixels stay independent, so that their variances may be added up.
+- Mitsuba's `roughconductor` takes Smith's shadowing and masking as independent, G = G1(wi) G1(wo); pbrt's are
+correlated by height,
+  G = 1 / (1 + Lambda(wi) + Lambda(wo)) [pharr2023]. At roughness 0.5, 60 and 70 degrees off the normal, that
+  is 3.6 % of the value.
+- Mitsuba splats samples into neighbouring pixels, and its gaussian ends at four standard deviations, not
+where the file says. pbrt
+  draws each sample's place from the filter and keeps it in its pixel [pharr2023]: pixels stay independent, so
+  that their variances may be added up.
 """
 
 from __future__ import annotations
@@ -18,7 +23,9 @@ Array = NDArray[np.float64]
 
 
 def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None) -> None:
-    """Make the plugins known to the variant that is set. pixel_filter: offsets in x and in y as in MitsubaScene."""
+    """Make the plugins known to the variant that is set. pixel_filter: offsets in x and in y as in
+    MitsubaScene.
+    """
     conductor = _conductor(mi, dr)  # classes cannot be written before a variant is set
     mi.register_bsdf("penumbra_conductor", lambda props: conductor(props))
     if pixel_filter is not None:
@@ -26,8 +33,12 @@ def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None) -> None
         mi.register_sensor("penumbra_filtered", lambda props: filtered(props))
 
 
-def _metal(mi: Any, dr: Any, spread: Any, indices: list[tuple[float, float]], wi: Any, wo: Any) -> tuple[Any, Any]:
-    """BRDF times cosine, and the density of wo, for directions above the surface. spread: the distribution of normals."""
+def _metal(
+    mi: Any, dr: Any, spread: Any, indices: list[tuple[float, float]], wi: Any, wo: Any
+) -> tuple[Any, Any]:
+    """BRDF times cosine, and the density of wo, for directions above the surface. spread: the distribution of
+    normals.
+    """
     h = dr.normalize(wi + wo)
     g_in, g_out = spread.smith_g1(wi, h), spread.smith_g1(wo, h)
     shared = spread.eval(h) / (4 * wi.z)
@@ -62,7 +73,9 @@ def _conductor(mi: Any, dr: Any) -> Any:
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[1]
 
-        def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
+        def sample(
+            self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
+        ) -> tuple[Any, Any]:
             side = dr.sign(si.wi.z)
             h, _ = self.spread.sample(mi.Vector3f(si.wi.x, si.wi.y, si.wi.z * side), sample2)
             made = dr.zeros(mi.BSDFSample3f)
@@ -80,13 +93,17 @@ def _offset(mi: Any, dr: Any, table: Any, steps: int, u: Any) -> Any:
     at = dr.clip(u, 0, 1) * steps
     i = dr.minimum(mi.UInt32(at), steps - 1)
     # The scalar variant's numbers are Python's own, and have no gather.
-    low, high = (dr.gather(mi.Float, table, i + one) if dr.is_jit_v(mi.Float) else table[i + one] for one in (0, 1))
+    low, high = (
+        dr.gather(mi.Float, table, i + one) if dr.is_jit_v(mi.Float) else table[i + one] for one in (0, 1)
+    )
     return low + (high - low) * (at - i)
 
 
 def _filtered(mi: Any, dr: Any, pixel_filter: tuple[Array, Array]) -> Any:
     jit = dr.is_jit_v(mi.Float)
-    tables = [mi.Float(np.asarray(table, dtype=np.float32)) if jit else table.tolist() for table in pixel_filter]
+    tables = [
+        mi.Float(np.asarray(table, dtype=np.float32)) if jit else table.tolist() for table in pixel_filter
+    ]
     steps = len(pixel_filter[0]) - 1
 
     class Filtered(mi.Sensor):
@@ -102,7 +119,9 @@ def _filtered(mi: Any, dr: Any, pixel_filter: tuple[Array, Array]) -> Any:
             size = mi.Point2f(self.film().size())
             pixel = dr.floor(sample2 * size)
             u = sample2 * size - pixel
-            x, y = (_offset(mi, dr, table, steps, part) for table, part in zip(tables, (u.x, u.y), strict=True))
+            x, y = (
+                _offset(mi, dr, table, steps, part) for table, part in zip(tables, (u.x, u.y), strict=True)
+            )
             at = pixel + 0.5 + mi.Point2f(x, y)
             return self.camera.sample_ray_differential(time, sample1, at / size, sample3, active)
 

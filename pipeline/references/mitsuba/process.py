@@ -22,14 +22,18 @@ MOST_LIFT = 0.25  # pixels; a shadow's edge may be that far off
 
 
 def llvm_library() -> str | None:
-    """The LLVM that Dr.Jit shall use: DRJIT_LIBLLVM_PATH where it is set, else the one of the wheel karellen-llvm-core."""
+    """The LLVM that Dr.Jit shall use: DRJIT_LIBLLVM_PATH where it is set, else the one of the wheel
+    karellen-llvm-core.
+    """
     if os.environ.get("DRJIT_LIBLLVM_PATH"):
         return os.environ["DRJIT_LIBLLVM_PATH"]
     try:
         files = importlib.metadata.files("karellen-llvm-core") or []
     except importlib.metadata.PackageNotFoundError:
         return None
-    found = sorted(Path(str(file.locate())).resolve() for file in files if file.name in ("libLLVM.so", "libLLVM.dylib"))
+    found = sorted(
+        Path(str(file.locate())).resolve() for file in files if file.name in ("libLLVM.so", "libLLVM.dylib")
+    )
     return str(found[0]) if found else None
 
 
@@ -41,7 +45,8 @@ def command(folder: Path) -> list[str]:
 def run_task(task: Task) -> Generator[Image]:
     """The batches (h, w, 3) of a task as they are finished; the worker ends with the generator.
 
-    PenumbraError with the worker's last lines if it fails, and if the rays of this view start too far off its surfaces.
+    PenumbraError with the worker's last lines if it fails, and if the rays of this view start too far off its
+    surfaces.
     """
     with tempfile.TemporaryDirectory(prefix="penumbra-mitsuba-") as name:
         folder = Path(name)
@@ -81,7 +86,7 @@ def _batches(process: subprocess.Popen[str], folder: Path, said: list[str]) -> G
 def _check_lift(lift: float) -> None:
     if lift > MOST_LIFT:
         raise PenumbraError(
-            f"Mitsuba's rays start up to {lift:.2g} pixels off the surfaces in view (at most {MOST_LIFT} is accepted): "
+            f"Mitsuba's rays start up to {lift:.2g} pixels off the surfaces in view (at most {MOST_LIFT} is accepted): "  # noqa: E501
             "this view is too close, or too far from the lights, for its float32"
         )
 

@@ -1,11 +1,15 @@
-"""SceneDescription -> what Mitsuba is given: plain dataclasses and NumPy arrays, so that neither side needs the other's imports.
+"""SceneDescription -> what Mitsuba is given: plain dataclasses and NumPy arrays, so that neither side needs
+the other's imports.
 
 Three things change on the way, and none of them changes the image:
-- The world is moved towards the lights and scaled by a power of two. Mitsuba computes in float32 and lifts rays off a
+- The world is moved towards the lights and scaled by a power of two. Mitsuba computes in float32 and lifts
+rays off a
   surface by 9e-5 * (1 + max|p|), p in its own units: far from the origin, or in a small scene, that swallows
   geometry (0.9 % of the light at an offset of 1e5). Radiance does not depend on the scale.
-- The camera is mirrored: pbrt's camera space is left-handed (x to the right), Mitsuba's is right-handed (x to the left).
-- What Mitsuba has in another form takes that form: shapes in `mitsuba_shapes`, textures in `mitsuba_surfaces`, lights that are no shapes in
+- The camera is mirrored: pbrt's camera space is left-handed (x to the right), Mitsuba's is right-handed (x to
+the left).
+- What Mitsuba has in another form takes that form: shapes in `mitsuba_shapes`, textures in
+`mitsuba_surfaces`, lights that are no shapes in
   `mitsuba_lights`, pixel filters in `mitsuba_film`.
 """
 
@@ -17,10 +21,13 @@ from pipeline.references.mitsuba.film import offsets
 from pipeline.references.mitsuba.lights import lights
 from pipeline.references.mitsuba.shapes import Frame, corners, shapes
 from pipeline.references.mitsuba.worker import MitsubaScene
-from scenes.description import Array, Light, PerspectiveCamera, PointLight, SceneDescription, SpotLight
+from scenes.description.lights import Light, PointLight, SpotLight
+from scenes.description.scene import PerspectiveCamera, SceneDescription
+from scenes.description.shapes import Array
 from scenes.errors import SceneError
 
-# In Mitsuba's units. Half size of the smallest light or of the rest, whichever is less: the 1 in 9e-5 * (1 + |p|) is then small beside it.
+# In Mitsuba's units. Half size of the smallest light or of the rest, whichever is less: the 1 in 9e-5 * (1 +
+# |p|) is then small beside it.
 FEATURE = 64.0
 # But no coordinate beyond this: fourth powers of distances must stay far inside float32's range.
 FARTHEST = 2.0**23
@@ -29,8 +36,9 @@ FARTHEST = 2.0**23
 def normalising_frame(scene: SceneDescription) -> Frame:
     """The frame centred on the point nearest to the lights within the bounding box of everything else.
 
-    That box is where rays start off surfaces. Its middle would serve as well by a factor of two; near the lights the image has
-    its finest features, and a light far off shall not draw the centre out of the scene. Lights at infinity leave the middle.
+    That box is where rays start off surfaces. Its middle would serve as well by a factor of two; near the
+    lights the image has its finest features, and a light far off shall not draw the centre out of the scene.
+    Lights at infinity leave the middle.
     """
     emitting = [corners(shape.geometry) for shape in scene.shapes if shape.emission]
     points = [position[None] for position in places(scene.lights)]
@@ -53,11 +61,15 @@ def places(given: tuple[Light, ...]) -> list[Array]:
 
 def _box(parts: list[Array]) -> tuple[Array, Array]:
     """Lower and upper corner (3,) of all points of all parts."""
-    return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)
+    return np.min([part.min(axis=0) for part in parts], axis=0), np.max(
+        [part.max(axis=0) for part in parts], axis=0
+    )
 
 
 def convert(scene: SceneDescription) -> MitsubaScene:
-    """The scene for Mitsuba; SceneError where its camera, a shape, a material or a light has no counterpart there."""
+    """The scene for Mitsuba; SceneError where its camera, a shape, a material or a light has no counterpart
+    there.
+    """
     frame = normalising_frame(scene)
     camera = _camera(scene.camera, frame)
     distances = [
@@ -69,7 +81,10 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     return MitsubaScene(
         camera_to_world=camera,
         fov=scene.camera.fov,
-        clip=(1e-9 * farthest, 4.0 * farthest),  # pbrt cuts nothing off; measured, the ratio costs no precision
+        clip=(
+            1e-9 * farthest,
+            4.0 * farthest,
+        ),  # pbrt cuts nothing off; measured, the ratio costs no precision
         width=scene.film.width,
         height=scene.film.height,
         objects=(*(one for shape in scene.shapes for one in shapes(shape, frame)), *emitters),
@@ -84,7 +99,9 @@ def _camera(camera: PerspectiveCamera, frame: Frame) -> Array:
     lengths = np.linalg.norm(axes, axis=0)
     gram = (axes / lengths).T @ (axes / lengths)
     if np.ptp(lengths) > 1e-6 * lengths.max() or np.abs(gram - np.eye(3)).max() > 1e-6:
-        raise SceneError("the camera's transformation has shear or unequal scale, which Mitsuba's camera cannot have")
+        raise SceneError(
+            "the camera's transformation has shear or unequal scale, which Mitsuba's camera cannot have"
+        )
     result = np.eye(4)
     result[:3, :3] = axes / lengths * (-1.0, 1.0, 1.0)
     result[:3, 3] = frame.points(camera.camera_to_world[:3, 3])

@@ -1,4 +1,5 @@
-"""Where Mitsuba's shadow rays end too early: they stop 9e-4 of their length before the light, and overlook what stands there.
+"""Where Mitsuba's shadow rays end too early: they stop 9e-4 of their length before the light, and overlook
+what stands there.
 
 Measured: lamps 0.001 above the roof of a closed box light its inside as if there were no roof.
 """
@@ -9,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.description import Array
+from scenes.description.shapes import Array
 
 EARLY = 9e-4  # of a shadow ray's length: Mitsuba's ShadowEpsilon, ten times its RayEpsilon
 ROUNDING = 1e-6  # of the scene: what lies nearer to a plane than that lies in it
@@ -18,10 +19,13 @@ ROUNDING = 1e-6  # of the scene: what lies nearer to a plane than that lies in i
 def overlooked(light: Array, faces: Sequence[Array], points: Array) -> float | None:
     """How far from a light a face stands that shadow rays overlook though it shades something, or None.
 
-    light: (m, 3) points of the light. faces: (t, 3, 3) of every other shape. points: (n, 3) of all other shapes. A face near the
-    light shades nothing if all points lie on the side of its plane that the light is on, as a ceiling's do around a lamp on it.
+    light: (m, 3) points of the light. faces: (t, 3, 3) of every other shape. points: (n, 3) of all other
+    shapes. A face near the light shades nothing if all points lie on the side of its plane that the light is
+    on, as a ceiling's do around a lamp on it.
     """
-    reach = float(np.linalg.norm(points - light.mean(axis=0), axis=1).max(initial=0.0) + np.ptp(light, axis=0).max())
+    reach = float(
+        np.linalg.norm(points - light.mean(axis=0), axis=1).max(initial=0.0) + np.ptp(light, axis=0).max()
+    )
     short = EARLY * reach
     low, high = light.min(axis=0) - short, light.max(axis=0) + short
     for shape in faces:

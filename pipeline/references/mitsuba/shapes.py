@@ -1,8 +1,9 @@
 """Shapes for Mitsuba: what stays analytic, what becomes triangles, and how a light gets its second side.
 
-Emitting rectangles, and all disks and spheres, stay analytic; every other quadrilateral becomes two flat triangles. Mitsuba's area
-lights have one side. One with two is two lights back to back, each moved `BACK_TO_BACK` the way it shines: the nearer one
-is always the one that faces the ray, which two coincident ones would leave to chance.
+Emitting rectangles, and all disks and spheres, stay analytic; every other quadrilateral becomes two flat
+triangles. Mitsuba's area lights have one side. One with two is two lights back to back, each moved
+`BACK_TO_BACK` the way it shines: the nearer one is always the one that faces the ray, which two coincident
+ones would leave to chance.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from pipeline.references.mitsuba.surfaces import bitmap, bsdf, is_textured
 from pipeline.references.mitsuba.worker import Faces, Plugin
-from scenes.description import (
+from scenes.description.shapes import (
     Array,
     BilinearMesh,
     Disk,
@@ -23,19 +24,25 @@ from scenes.description import (
     ShapeDescription,
     Sphere,
     TriangleMesh,
-    UVMapping,
 )
+from scenes.description.textures import UVMapping
 from scenes.errors import SceneError
 
-MOST_RECTANGLES = 16  # an emitting mesh of more quadrilaterals becomes one emitter: Mitsuba has one object an emitter
-BACK_TO_BACK = 1e-5  # times 1 + max|p|: 80 float32 roundings, and a ninth of the distance that rays start off a surface
+MOST_RECTANGLES = (
+    16  # an emitting mesh of more quadrilaterals becomes one emitter: Mitsuba has one object an emitter
+)
+BACK_TO_BACK = (
+    1e-5  # times 1 + max|p|: 80 float32 roundings, and a ninth of the distance that rays start off a surface
+)
 SWAP = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])
 CORNERS = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Normalised coordinates: scale * (p - center). center: (3,) world; scale: a power of two, so that it rounds nothing."""
+    """Normalised coordinates: scale * (p - center). center: (3,) world; scale: a power of two, so that it
+    rounds nothing.
+    """
 
     center: Array
     scale: float
@@ -118,7 +125,8 @@ def _plugin(kind: str, shape: ShapeDescription, to_uv: Array, values: dict[str, 
     if shape.emission is not None:
         if shape.emission.image is not None and kind != "rectangle":
             raise SceneError(
-                f"an image on a light can be given to Mitsuba on at most {MOST_RECTANGLES} rectangles", shape.where
+                f"an image on a light can be given to Mitsuba on at most {MOST_RECTANGLES} rectangles",
+                shape.where,
             )
         values["emitter"] = Plugin("emitter", "area", {"radiance": _radiance(shape.emission, to_uv)})
     return Plugin("shape", kind, values)
@@ -127,7 +135,9 @@ def _plugin(kind: str, shape: ShapeDescription, to_uv: Array, values: dict[str, 
 def _radiance(emission: Emission, to_uv: Array) -> Array | Plugin:
     if emission.image is None:
         return emission.radiance
-    return bitmap(emission.image * emission.radiance, UVMapping(), "clamp", "bilinear", to_uv)  # as pbrt looks it up
+    return bitmap(
+        emission.image * emission.radiance, UVMapping(), "clamp", "bilinear", to_uv
+    )  # as pbrt looks it up
 
 
 def _sphere(shape: ShapeDescription, sphere: Sphere, frame: Frame, shift: float) -> Plugin:
@@ -152,7 +162,9 @@ def _disk(shape: ShapeDescription, disk: Disk, frame: Frame, shift: float) -> Pl
 
 
 def _rectangle(mesh: BilinearMesh, face: Faces, frame: Frame, shift: float) -> tuple[Array, Array]:
-    """The transformation of [-1, 1]^2, normal +z, to a patch with corners p00 p10 p01 p11, and from its uv there to pbrt's."""
+    """The transformation of [-1, 1]^2, normal +z, to a patch with corners p00 p10 p01 p11, and from its uv
+    there to pbrt's.
+    """
     points, uv = frame.points(mesh.vertices[face]), CORNERS if mesh.uv is None else mesh.uv[face]
     u, v = (points[1] - points[0]) / 2, (points[2] - points[0]) / 2
     to_uv = affine_uv(uv[1] - uv[0], uv[2] - uv[0], uv[0])
@@ -206,13 +218,19 @@ def _corner_values(values: Array, faces: Faces) -> Array:
 
 
 def _are_few_rectangles(mesh: BilinearMesh) -> bool:
-    """Right angles and a fourth corner in place to 1e-6, which is beyond what Mitsuba's float32 resolves; a uv that is as straight."""
+    """Right angles and a fourth corner in place to 1e-6, which is beyond what Mitsuba's float32 resolves; a
+    uv that is as straight.
+    """
     p00, p10, p01, p11 = _corner_values(mesh.vertices, mesh.faces)
     u, v, gap = p10 - p00, p01 - p00, p11 - p10 - p01 + p00
     sizes = np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
     right = np.abs(np.sum(u * v, axis=1)) <= 1e-6 * sizes
     closed = np.sum(gap * gap, axis=1) <= 1e-12 * sizes
-    return len(mesh.faces) <= MOST_RECTANGLES and bool(np.all(right & closed & (sizes > 0))) and _uv_is_straight(mesh)
+    return (
+        len(mesh.faces) <= MOST_RECTANGLES
+        and bool(np.all(right & closed & (sizes > 0)))
+        and _uv_is_straight(mesh)
+    )
 
 
 def _uv_is_straight(mesh: BilinearMesh) -> bool:

@@ -1,8 +1,9 @@
 """Materials and textures for Mitsuba.
 
-Mitsuba cannot multiply or mix textures. It can blend two BSDFs by a texture, and Lambertian reflection is linear in its
-reflectance: a mix or a checkerboard of textures is a blend of diffuse surfaces, exactly. Constants are multiplied into what they
-scale; of two images the product is made where it is an image, which it is for texels that are not interpolated.
+Mitsuba cannot multiply or mix textures. It can blend two BSDFs by a texture, and Lambertian reflection is
+linear in its reflectance: a mix or a checkerboard of textures is a blend of diffuse surfaces, exactly.
+Constants are multiplied into what they scale; of two images the product is made where it is an image, which
+it is for texels that are not interpolated.
 """
 
 from __future__ import annotations
@@ -12,17 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description import (
-    Array,
-    Checkerboard,
-    Conductor,
-    ImageTexture,
-    Material,
-    Mix,
-    Product,
-    Texture,
-    UVMapping,
-)
+from scenes.description.materials import Conductor, Material
+from scenes.description.shapes import Array
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import Location, SceneError
 
 MOST_TEXELS = 2**24  # of a product of two images: 200 MB in float32
@@ -55,7 +48,9 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
 
 def is_textured(material: Material, where: Location | None) -> bool:
     """Whether it matters where on the shape a point is."""
-    return not isinstance(material, Conductor) and not isinstance(_expand(material.reflectance, where), np.ndarray)
+    return not isinstance(material, Conductor) and not isinstance(
+        _expand(material.reflectance, where), np.ndarray
+    )
 
 
 def bitmap(image: Array, mapping: UVMapping, wrap: str, filtering: str, to_uv: Array) -> Plugin:
@@ -65,7 +60,9 @@ def bitmap(image: Array, mapping: UVMapping, wrap: str, filtering: str, to_uv: A
     if wrap == "black":  # Mitsuba has no such mode: a frame of black texels, repeated outwards
         image = np.pad(image, ((1, 1), (1, 1), (0, 0)))
         place = np.array([[w / (w + 2), 0, 1 / (w + 2)], [0, h / (h + 2), 1 / (h + 2)], [0, 0, 1]]) @ place
-    image = image.repeat(2 if image.shape[0] == 1 else 1, axis=0).repeat(2 if image.shape[1] == 1 else 1, axis=1)
+    image = image.repeat(2 if image.shape[0] == 1 else 1, axis=0).repeat(
+        2 if image.shape[1] == 1 else 1, axis=1
+    )
     values = {
         "bitmap": image,
         "raw": True,
@@ -95,7 +92,9 @@ def _weight(weight: float | ImageTexture | UVMapping, to_uv: Array) -> float | P
         return _image(replace(weight, image=weight.image[..., :1]), to_uv)
     if not isinstance(weight, UVMapping):
         return weight
-    squares = np.array([[1.0, 0.0], [0.0, 1.0]])[..., None]  # first row at t = 1, one period in each direction
+    squares = np.array([[1.0, 0.0], [0.0, 1.0]])[
+        ..., None
+    ]  # first row at t = 1, one period in each direction
     half = UVMapping(weight.su / 2, weight.sv / 2, weight.du / 2, weight.dv / 2)
     return bitmap(squares, half, "repeat", "point", to_uv)
 
@@ -106,7 +105,7 @@ def _expand(texture: Texture, where: Location | None) -> _Tree:
             plain = texture.plain()
             if plain is None:
                 raise SceneError(
-                    "an image texture whose interpolated values are cut off, or that is inverted with black around it, cannot be "
+                    "an image texture whose interpolated values are cut off, or that is inverted with black around it, cannot be "  # noqa: E501
                     "given to Mitsuba",
                     where,
                 )
@@ -116,7 +115,9 @@ def _expand(texture: Texture, where: Location | None) -> _Tree:
         case Product():
             return _multiply(_expand(texture.first, where), _expand(texture.second, where), where)
         case Mix():
-            first, second, amount = (_expand(one, where) for one in (texture.first, texture.second, texture.amount))
+            first, second, amount = (
+                _expand(one, where) for one in (texture.first, texture.second, texture.amount)
+            )
             return _mix(first, second, amount, where)
         case _:
             return texture
@@ -146,14 +147,17 @@ def _product(a: ImageTexture, b: ImageTexture, where: Location | None) -> ImageT
     same = all(getattr(a.mapping, name) == getattr(b.mapping, name) for name in ("su", "sv", "du", "dv"))
     if not (same and a.wrap == b.wrap and a.filter == b.filter == "point"):
         raise SceneError(
-            "a product of two image textures can be given to Mitsuba only where both have one mapping, one wrap and the filter "
+            "a product of two image textures can be given to Mitsuba only where both have one mapping, one wrap and the filter "  # noqa: E501
             '"point"',
             where,
         )
     h, w = (int(np.lcm(x, y)) for x, y in zip(a.image.shape[:2], b.image.shape[:2], strict=True))
     if h * w > MOST_TEXELS:
         raise SceneError(f"a product of two image textures would have {w} x {h} texels", where)
-    fine = [one.image.repeat(h // one.image.shape[0], axis=0).repeat(w // one.image.shape[1], axis=1) for one in (a, b)]
+    fine = [
+        one.image.repeat(h // one.image.shape[0], axis=0).repeat(w // one.image.shape[1], axis=1)
+        for one in (a, b)
+    ]
     return replace(a, image=fine[0] * fine[1])
 
 
@@ -165,5 +169,7 @@ def _mix(first: _Tree, second: _Tree, amount: _Tree, where: Location | None) -> 
         return (1 - amount) * first + amount * second
     values = amount.image if isinstance(amount, ImageTexture) else amount
     if np.any(values != values[..., :1]):
-        raise SceneError("a mix of textures by a coloured amount cannot be given to Mitsuba: give a gray one", where)
+        raise SceneError(
+            "a mix of textures by a coloured amount cannot be given to Mitsuba: give a gray one", where
+        )
     return _Blend(first, second, amount if isinstance(amount, ImageTexture) else float(amount[0]))

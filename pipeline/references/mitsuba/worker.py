@@ -1,10 +1,12 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""Renders one task with Mitsuba 3, in a process of its own: `python -m pipeline.references.mitsuba.worker FOLDER`.
+"""Renders one task with Mitsuba 3, in a process of its own: `python -m pipeline.references.mitsuba.worker
+FOLDER`.
 
-The only import of mitsuba. Its variant is global to a process and a wrong LLVM aborts it: both are reasons for a process
-of its own. FOLDER holds task.pickle (a `Task`, written by the parent) and gets one file a batch, named to stdout by a line
-`penumbra-batch NUMBER` once it is whole; before the first, `penumbra-lift PIXELS` (see `_lift`). What it is given is declared here, and it imports of the project only the plugins
-that Mitsuba lacks: a worker starts in the time that mitsuba takes.
+The only import of mitsuba. Its variant is global to a process and a wrong LLVM aborts it: both are reasons
+for a process of its own. FOLDER holds task.pickle (a `Task`, written by the parent) and gets one file a
+batch, named to stdout by a line `penumbra-batch NUMBER` once it is whole; before the first, `penumbra-lift
+PIXELS` (see `_lift`). What it is given is declared here, and it imports of the project only the plugins that
+Mitsuba lacks: a worker starts in the time that mitsuba takes.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ RAY_LIFT = 9e-5  # times 1 + max|p| in Mitsuba's units: how far a ray starts off
 class Plugin:
     """One Mitsuba object. tag: its XML element (shape, bsdf, emitter, texture); kind: its `type` there.
 
-    values, by Mitsuba's names: float, int, bool or str; (3,) a colour; (4, 4) or (3, 3) a transformation; (h, w, c) a bitmap;
-    or a Plugin. The kind "mesh" has vertices (m, 3), faces (t, 3) int64 and uv, (m, 2) or None, beside them.
+    values, by Mitsuba's names: float, int, bool or str; (3,) a colour; (4, 4) or (3, 3) a transformation; (h,
+    w, c) a bitmap; or a Plugin. The kind "mesh" has vertices (m, 3), faces (t, 3) int64 and uv, (m, 2) or
+    None, beside them.
     """
 
     tag: str
@@ -46,10 +49,11 @@ class Plugin:
 
 @dataclass(frozen=True, eq=False)
 class MitsubaScene:
-    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's; fov: degrees over the shorter side.
+    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's; fov: degrees over
+    the shorter side.
 
-    filter: the pixel filter in x and in y, each as its offsets from the pixel's middle at equal steps of probability, or None for the box
-    of one pixel. notes: what a reader of the reference should know, by name.
+    filter: the pixel filter in x and in y, each as its offsets from the pixel's middle at equal steps of
+    probability, or None for the box of one pixel. notes: what a reader of the reference should know, by name.
     """
 
     camera_to_world: Array
@@ -64,7 +68,9 @@ class MitsubaScene:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One batch of `spp` samples a pixel for each of `seeds`. hide_lights: from the camera; pixels that meet nothing then read 0."""
+    """One batch of `spp` samples a pixel for each of `seeds`. hide_lights: from the camera; pixels that meet
+    nothing then read 0.
+    """
 
     variant: str
     scene: MitsubaScene
@@ -100,22 +106,36 @@ def _render(mi: Any, scene: Any, task: Task, folder: Path) -> None:
 
 
 def _lift(mi: Any, scene: Any, task: MitsubaScene) -> float:
-    """How far rays start off the surfaces in view, in pixels at their distance, at its worst: the image is blind to finer gaps."""
+    """How far rays start off the surfaces in view, in pixels at their distance, at its worst: the image is
+    blind to finer gaps.
+    """
     integrator = mi.load_dict({"type": "aov", "aovs": "p:position,t:depth"})
-    x, y, z, depth = np.moveaxis(np.array(mi.render(scene, integrator=integrator, spp=1), dtype=np.float64), -1, 0)
+    x, y, z, depth = np.moveaxis(
+        np.array(mi.render(scene, integrator=integrator, spp=1), dtype=np.float64), -1, 0
+    )
     lift = RAY_LIFT * (1.0 + np.abs([x, y, z]).max(axis=0))
     pixel = depth * 2 * np.tan(np.radians(task.fov) / 2) / min(task.width, task.height)
     return float(np.max(lift[depth > 0] / pixel[depth > 0], initial=0.0))
 
 
 def _build(mi: Any, task: Task) -> mi.Scene:
-    """One emitter and one BSDF sample a camera ray, weighted by MIS: pbrt's `path` at maxdepth 1. Lights are seen directly."""
+    """One emitter and one BSDF sample a camera ray, weighted by MIS: pbrt's `path` at maxdepth 1.
+
+    Lights are seen directly.
+    """
     spec: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 1, "hide_emitters": task.hide_lights},
+        "integrator": {
+            "type": "direct",
+            "emitter_samples": 1,
+            "bsdf_samples": 1,
+            "hide_emitters": task.hide_lights,
+        },
         "sensor": _sensor(mi, task.scene),
     }
-    return mi.load_dict(spec | {f"object{i:06}": _value(mi, item) for i, item in enumerate(task.scene.objects)})
+    return mi.load_dict(
+        spec | {f"object{i:06}": _value(mi, item) for i, item in enumerate(task.scene.objects)}
+    )
 
 
 def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
@@ -139,7 +159,12 @@ def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
     }
     if scene.filter is None:
         return camera
-    return {"type": "penumbra_filtered", "camera": camera, "film": dict(film), "sampler": {"type": "independent"}}
+    return {
+        "type": "penumbra_filtered",
+        "camera": camera,
+        "film": dict(film),
+        "sampler": {"type": "independent"},
+    }
 
 
 def _value(mi: Any, value: Any) -> Any:

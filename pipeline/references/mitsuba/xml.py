@@ -1,7 +1,9 @@
-"""A scene as Mitsuba 3 XML, its meshes and images in files beside it: what `mitsuba scene.xml` renders as our reference is rendered.
+"""A scene as Mitsuba 3 XML, its meshes and images in files beside it: what `mitsuba scene.xml` renders as our
+reference is rendered.
 
-The coordinates are the reference's own, near the origin and of a size that float32 resolves (`mitsuba_scene`); a comment says how
-to get back. Two things that our reference adds to Mitsuba are not in the file, which says so: pbrt's rough metal and its pixel filters.
+The coordinates are the reference's own, near the origin and of a size that float32 resolves
+(`mitsuba_scene`); a comment says how to get back. Two things that our reference adds to Mitsuba are not in
+the file, which says so: pbrt's rough metal and its pixel filters.
 """
 
 from __future__ import annotations
@@ -16,15 +18,18 @@ import numpy as np
 from pipeline.references.mitsuba.scene import convert, normalising_frame
 from pipeline.references.mitsuba.shapes import Frame
 from pipeline.references.mitsuba.worker import Faces, MitsubaScene, Plugin
-from scenes.description import Array, Film, SceneDescription
+from scenes.description.scene import Film, SceneDescription
+from scenes.description.shapes import Array
 from scenes.errors import PenumbraError
 
-METAL = "rough metal is Mitsuba's roughconductor, whose shadowing and masking are independent; Penumbra's and pbrt's are correlated by height"
+METAL = "rough metal is Mitsuba's roughconductor, whose shadowing and masking are independent; Penumbra's and pbrt's are correlated by height"  # noqa: E501
 
 
 @dataclass(frozen=True, eq=False)
 class MitsubaFiles:
-    """text: the XML. images: (h, w, 1 or 3), to be written as float32 EXR; meshes: PLY; both by file name. notes: what a user should know."""
+    """text: the XML. images: (h, w, 1 or 3), to be written as float32 EXR; meshes: PLY; both by file name.
+    notes: what a user should know.
+    """
 
     text: str
     images: dict[str, Array]
@@ -33,13 +38,18 @@ class MitsubaFiles:
 
 
 def to_xml(scene: SceneDescription, stem: str) -> MitsubaFiles:
-    """The scene as XML; stem: what the names of the other files begin with. SceneError or PenumbraError where Mitsuba has no counterpart."""
+    """The scene as XML; stem: what the names of the other files begin with.
+
+    SceneError or PenumbraError where Mitsuba has no counterpart.
+    """
     converted, frame = convert(scene), normalising_frame(scene)
     writer = _Writer(stem)
     rfilter, notes = _filter(scene.film)
     body = [
         '<integrator type="direct">',
-        *_indented([*_value("emitter_samples", 1), *_value("bsdf_samples", 1), *_value("hide_emitters", False)]),
+        *_indented(
+            [*_value("emitter_samples", 1), *_value("bsdf_samples", 1), *_value("hide_emitters", False)]
+        ),
         "</integrator>",
         *_sensor(converted, rfilter, scene.defaults.spp),
     ]
@@ -51,9 +61,18 @@ def to_xml(scene: SceneDescription, stem: str) -> MitsubaFiles:
         *([METAL] if writer.metal else []),
         *(f"{k}: {v}" for k, v in converted.notes.items()),
     ]
-    head = [f"<!-- {_comment(scene.name)}, exported by penumbra -->", *(f"<!-- {_comment(note)} -->" for note in notes)]
+    head = [
+        f"<!-- {_comment(scene.name)}, exported by penumbra -->",
+        *(f"<!-- {_comment(note)} -->" for note in notes),
+    ]
     text = "\n".join(
-        ['<?xml version="1.0" encoding="utf-8"?>', *head, '<scene version="3.0.0">', *_indented(body), "</scene>"]
+        [
+            '<?xml version="1.0" encoding="utf-8"?>',
+            *head,
+            '<scene version="3.0.0">',
+            *_indented(body),
+            "</scene>",
+        ]
     )
     return MitsubaFiles(text + "\n", writer.images, writer.meshes, tuple(notes))
 
@@ -64,24 +83,28 @@ def _comment(text: str) -> str:
 
 def _moved(frame: Frame) -> str:
     center = ", ".join(repr(value) for value in frame.center.tolist())
-    return f"a point p of the scene is at {frame.scale!r} * (p - ({center})): Mitsuba computes in float32, best near the origin"
+    return f"a point p of the scene is at {frame.scale!r} * (p - ({center})): Mitsuba computes in float32, best near the origin"  # noqa: E501
 
 
 def _filter(film: Film) -> tuple[list[str], list[str]]:
-    """The reconstruction filter, and what is to be said of it; PenumbraError where Mitsuba has none like it."""
+    """The reconstruction filter, and what is to be said of it; PenumbraError where Mitsuba has none like
+    it.
+    """
     chosen = film.pixel_filter
     if chosen.kind == "box" and chosen.xradius == chosen.yradius == 0.5:
         return ['<rfilter type="box"/>'], []
     if chosen.kind == "box" or chosen.xradius != chosen.yradius:
         raise PenumbraError(
-            f"Mitsuba has no {chosen.kind} filter of radii {chosen.xradius:g} and {chosen.yradius:g}: its box is one pixel wide, and its "
+            f"Mitsuba has no {chosen.kind} filter of radii {chosen.xradius:g} and {chosen.yradius:g}: its box is one pixel wide, and its "  # noqa: E501
             "others are round"
         )
-    said = "Mitsuba splats samples into all pixels within the filter's radius, and divides by the sum of their weights; pbrt keeps each in its pixel"
+    said = "Mitsuba splats samples into all pixels within the filter's radius, and divides by the sum of their weights; pbrt keeps each in its pixel"  # noqa: E501
     if chosen.kind == "triangle":
         return ['<rfilter type="tent">', *_indented(_value("radius", chosen.xradius)), "</rfilter>"], [said]
-    ends = f"its gaussian ends at four standard deviations, {4 * chosen.sigma:g} pixels, where the scene's ends at {chosen.xradius:g}"
-    return ['<rfilter type="gaussian">', *_indented(_value("stddev", chosen.sigma)), "</rfilter>"], [f"{said}; {ends}"]
+    ends = f"its gaussian ends at four standard deviations, {4 * chosen.sigma:g} pixels, where the scene's ends at {chosen.xradius:g}"  # noqa: E501
+    return ['<rfilter type="gaussian">', *_indented(_value("stddev", chosen.sigma)), "</rfilter>"], [
+        f"{said}; {ends}"
+    ]
 
 
 def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
@@ -105,7 +128,9 @@ def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
 
 @dataclass(eq=False)
 class _Writer:
-    """Writes plugins, and collects what goes into files of its own. metal: whether there is any of the kind that Mitsuba lacks."""
+    """Writes plugins, and collects what goes into files of its own. metal: whether there is any of the kind
+    that Mitsuba lacks.
+    """
 
     stem: str
     images: dict[str, Array] = field(default_factory=dict[str, Array])
@@ -158,7 +183,9 @@ def _value(name: str, value: Any) -> list[str]:
 
 
 def _transform(name: str, matrix: Array) -> list[str]:
-    """(4, 4), or (3, 3) of the plane: Mitsuba drops the translation of nine numbers, and reads that of sixteen from where space has it."""
+    """(4, 4), or (3, 3) of the plane: Mitsuba drops the translation of nine numbers, and reads that of
+    sixteen from where space has it.
+    """
     if len(matrix) == 3:
         plane, matrix = matrix, np.eye(4)
         matrix[:2, :2], matrix[:2, 3] = plane[:2, :2], plane[:2, 2]

@@ -9,21 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import (
-    Checkerboard,
-    Conductor,
-    Diffuse,
-    DistantLight,
-    Emission,
-    Environment,
-    ImageTexture,
-    Mix,
-    PointLight,
-    Product,
-    SceneDescription,
-    ShapeDescription,
-    SpotLight,
-)
+from scenes.description.lights import DistantLight, Environment, PointLight, SpotLight
+from scenes.description.materials import Conductor, Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Emission, ShapeDescription
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product
 
 CHANNELS = 3
 

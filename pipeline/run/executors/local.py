@@ -41,7 +41,10 @@ class _Worker:
 
 
 class LocalExecutor:
-    """`workers` processes, spawned when first needed. A context manager; leaving it ends them, at once if by an error."""
+    """`workers` processes, spawned when first needed.
+
+    A context manager; leaving it ends them, at once if by an error.
+    """
 
     def __init__(self, workers: int) -> None:
         if workers < 1:

@@ -26,7 +26,8 @@ class Executor(Protocol):
     workers: int
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[Outcome[T, R]]:
-        """Outcomes as they come, begun in the order of `items`. A function that raises fails its own item only.
+        """Outcomes as they come, begun in the order of `items`. A function that raises fails its own item
+        only.
 
         `function` and `items` must pickle. Closing the iterator early abandons what has not finished.
         """

@@ -1,10 +1,12 @@
 """Makes knot.ply: a trefoil knot's tube of 10,240 triangles, in closed form.
 
-Run `python scenes/library/meshes/make.py` from the checkout; the file it writes is the one that is checked in.
+Run `python scenes/library/meshes/make.py` from the checkout; the file it writes is the one that is checked
+in.
 
-The axis runs on a torus, p(t) = ((2 + cos 3t) cos 2t, (2 + cos 3t) sin 2t, sin 3t), and the tube's cross sections
-are spanned by the torus's normal and the axis's binormal to it. The knot stands upright, its lowest point on y = 0.
-Coordinates are rounded to multiples of 2^-16, so that the file does not depend on the last bits of sine and cosine.
+The axis runs on a torus, p(t) = ((2 + cos 3t) cos 2t, (2 + cos 3t) sin 2t, sin 3t), and the tube's cross
+sections are spanned by the torus's normal and the axis's binormal to it. The knot stands upright, its lowest
+point on y = 0. Coordinates are rounded to multiples of 2^-16, so that the file does not depend on the last
+bits of sine and cosine.
 """
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false

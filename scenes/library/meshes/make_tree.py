@@ -1,10 +1,12 @@
 """Makes tree.ply: a fir of 1,686 triangles, in closed form.
 
-Run `python scenes/library/meshes/make_tree.py` from the checkout; the file it writes is the one that is checked in.
+Run `python scenes/library/meshes/make_tree.py` from the checkout; the file it writes is the one that is
+checked in.
 
-A trunk, and whorls of branches that get shorter and point up more steeply towards the top; each branch is a bent, tapering blade,
-roof-shaped, with three pairs of twigs. The fir is 1 high and stands on y = 0. Angles go round by the golden section. Coordinates are
-rounded to multiples of 2^-12, so that the file does not depend on the last bits of sine and cosine.
+A trunk, and whorls of branches that get shorter and point up more steeply towards the top; each branch is a
+bent, tapering blade, roof-shaped, with three pairs of twigs. The fir is 1 high and stands on y = 0. Angles go
+round by the golden section. Coordinates are rounded to multiples of 2^-12, so that the file does not depend
+on the last bits of sine and cosine.
 """
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
@@ -51,7 +53,9 @@ def branch(number: int) -> Array:
     for place in TWIGS:
         root = start + place * (end - start)
         for hand in (-1.0, 1.0):
-            tip = root + 0.42 * reach * (1.15 - place) * (0.8 * out + hand * across + np.array([0.0, -0.2, 0.0]))
+            tip = root + 0.42 * reach * (1.15 - place) * (
+                0.8 * out + hand * across + np.array([0.0, -0.2, 0.0])
+            )
             parts.append(blade(root, tip, 0.09 * reach, 0.04 * reach))
     return np.concatenate(parts)
 

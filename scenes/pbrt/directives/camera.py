@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import Film, PerspectiveCamera, PixelFilter
+from scenes.description.scene import Film, PerspectiveCamera, PixelFilter
 from scenes.errors import Location, Unsupported
 from scenes.pbrt.state import FILTERS, Builder, must_be, refuse_kind
 from scenes.pbrt.text.parameters import SRGB, Parameters
@@ -47,7 +47,9 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def _window(parameters: Parameters) -> tuple[Array, Location] | None:
-    """The part of the screen that the film shows, as `screenwindow` gives it or else `frameaspectratio`; None if neither does."""
+    """The part of the screen that the film shows, as `screenwindow` gives it or else `frameaspectratio`; None
+    if neither does.
+    """
     frame, window = parameters.number("frameaspectratio", 1.0), parameters.numbers("screenwindow")
     if not frame > 0:
         raise parameters.fail("frameaspectratio", f"frameaspectratio must be positive, not {frame:g}")
@@ -61,7 +63,9 @@ def _window(parameters: Parameters) -> tuple[Array, Location] | None:
 
 
 def check_window(builder: Builder) -> None:
-    """Report a window of the screen that is not what the film's shape gives: the shorter side from -1 to 1."""
+    """Report a window of the screen that is not what the film's shape gives: the shorter side from -1 to
+    1.
+    """
     if builder.screen_window is None:
         return
     window, where = builder.screen_window
@@ -69,7 +73,10 @@ def check_window(builder: Builder) -> None:
     x, y = builder.film.width / short, builder.film.height / short
     if np.abs(window - np.array([-x, x, -y, y])).max() > SAME_WINDOW * max(x, y):
         builder.report.add(
-            f"frameaspectratio and screenwindow are not supported but for the film's own, {x / y:g} and {-x:g} {x:g} {-y:g} {y:g}",
+            (
+                f"frameaspectratio and screenwindow are not supported but for the film's own, {x / y:g} and "
+                f"{-x:g} {x:g} {-y:g} {y:g}"
+            ),
             where,
         )
 
@@ -80,7 +87,9 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     if builder.state.space != SRGB:
         problem = f'Film in ColorSpace "{builder.state.space}" is not supported: images are linear sRGB'
         builder.report.add(f"{problem}; put ColorSpace behind Film", parameters.where)
-    size = [parameters.integer(name, default) for name, default in (("xresolution", 1280), ("yresolution", 720))]
+    size = [
+        parameters.integer(name, default) for name, default in (("xresolution", 1280), ("yresolution", 720))
+    ]
     for name, value in zip(("xresolution", "yresolution"), size, strict=True):
         if not 1 <= value <= FILM_LIMIT:
             raise parameters.fail(name, f"{name} must be between 1 and {FILM_LIMIT} pixels, not {value}")
@@ -91,7 +100,8 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     must_be(parameters, "whitebalance", parameters.number("whitebalance", 0.0), 0.0, radiance)
     if parameters.number("maxcomponentvalue", SENSOR_LIMIT) < SENSOR_LIMIT:
         parameters.unsupported(
-            "maxcomponentvalue", f"maxcomponentvalue below {SENSOR_LIMIT:g} is not supported: no sample is clamped"
+            "maxcomponentvalue",
+            f"maxcomponentvalue below {SENSOR_LIMIT:g} is not supported: no sample is clamped",
         )
     _whole_film(parameters, size)
     parameters.flag("savefp16", True)  # how pbrt stores its file; images here are float32
@@ -116,16 +126,19 @@ def pixel_filter(builder: Builder, kind: str, parameters: Parameters) -> None:
     if kind not in FILTERS:
         parameters.ignore()
         raise Unsupported(
-            f'PixelFilter "{kind}" is not supported; supported: {", ".join(f"{name!r}" for name in FILTERS)}'.replace(
-                "'", '"'
-            ),
+            (
+                f'PixelFilter "{kind}" is not supported; supported: '
+                f"{', '.join(f'{name!r}' for name in FILTERS)}"
+            ).replace("'", '"'),
             parameters.where,
         )
     radii: list[float] = []
     for name in ("xradius", "yradius"):
         radius = parameters.number(name, FILTERS[kind])
         if not 0 < radius <= RADIUS_LIMIT:
-            raise parameters.fail(name, f"{name} must be above 0 and at most {RADIUS_LIMIT:g} pixels, not {radius:g}")
+            raise parameters.fail(
+                name, f"{name} must be above 0 and at most {RADIUS_LIMIT:g} pixels, not {radius:g}"
+            )
         radii.append(radius)
     sigma = parameters.number("sigma", 0.5) if kind == "gaussian" else 0.5
     if sigma <= 0:

@@ -1,4 +1,6 @@
-"""What an `AreaLightSource` makes of each shape: its radiance, a power spread over it, an image laid on it."""
+"""What an `AreaLightSource` makes of each shape: its radiance, a power spread over it, an image laid on
+it.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import BilinearMesh, Disk, Emission, Geometry, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, Emission, Geometry, Sphere, TriangleMesh
 from scenes.errors import Location, Report
 from scenes.pbrt.directives.emission_images import pictured
 from scenes.pbrt.directives.lights import RADIANCE_LIMIT
@@ -20,8 +22,11 @@ PARTS = 256  # of one mesh by the areas of its faces
 SAME_AREA = 1e-9  # relative
 
 
-def lit(geometry: Geometry, light: AreaLight, where: Location, report: Report) -> list[tuple[Geometry, Emission]]:
-    """The shape with its emission, in parts where its faces differ in radiance; what is not supported is reported.
+def lit(
+    geometry: Geometry, light: AreaLight, where: Location, report: Report
+) -> list[tuple[Geometry, Emission]]:
+    """The shape with its emission, in parts where its faces differ in radiance; what is not supported is
+    reported.
 
     In pbrt each triangle and each patch is a light of its own, so that a `power` is that of each of them.
     """
@@ -30,7 +35,10 @@ def lit(geometry: Geometry, light: AreaLight, where: Location, report: Report) -
         rectangles = pictured(geometry)
         if rectangles is None:
             report.add(
-                "an image on an area light is supported on rectangles only: patches, or pairs of triangles with uv, each with the whole image",
+                (
+                    "an image on an area light is supported on rectangles only: patches, or pairs of triangles "  # noqa: E501
+                    "with uv, each with the whole image"
+                ),
                 where,
             )
             return []
@@ -41,14 +49,21 @@ def lit(geometry: Geometry, light: AreaLight, where: Location, report: Report) -
         return [(geometry, light.emission)]
     parts = _by_area(geometry)
     if len(parts) > PARTS:
-        report.add(f"power over a mesh of more than {PARTS} different areas is not supported: give L", light.where)
+        report.add(
+            f"power over a mesh of more than {PARTS} different areas is not supported: give L", light.where
+        )
         return []
     bright = 1.0 if light.emission.image is None else float((light.emission.image @ LUMINANCE).mean())
     sides = 2 if light.emission.two_sided else 1
     with np.errstate(all="ignore"):
-        made = [(part, light.emission.radiance * (power / (bright * sides * np.pi * area))) for part, area in parts]
+        made = [
+            (part, light.emission.radiance * (power / (bright * sides * np.pi * area)))
+            for part, area in parts
+        ]
     if not all(np.all(radiance <= RADIANCE_LIMIT) for _, radiance in made):
-        report.add("power: the radiance is beyond 1e30, the largest that float32 images can average", light.where)
+        report.add(
+            "power: the radiance is beyond 1e30, the largest that float32 images can average", light.where
+        )
         return []
     return [(part, replace(light.emission, radiance=radiance)) for part, radiance in made]
 

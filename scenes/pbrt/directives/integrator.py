@@ -1,4 +1,6 @@
-"""`Sampler`, `Integrator`, `Accelerator` and `Option`: what a file asks of a renderer, defaults that a request may override."""
+"""`Sampler`, `Integrator`, `Accelerator` and `Option`: what a file asks of a renderer, defaults that a
+request may override.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenes.description import Environment
+from scenes.description.lights import Environment
 from scenes.errors import Location, SceneError
 from scenes.pbrt.state import Builder, must_be, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
@@ -24,7 +26,7 @@ SAMPLERS = {
 SPP_LIMIT = 2**24
 # Options that change no image of ours, and those that would if they were true.
 HARMLESS = (
-    "disabletexturefiltering", "disablewavelengthjitter", "displacementedgescale", "pixelstats", "rendercoordsys", "seed", "wavefront",
+    "disabletexturefiltering", "disablewavelengthjitter", "displacementedgescale", "pixelstats", "rendercoordsys", "seed", "wavefront",  # noqa: E501
     "msereferenceimage", "msereferenceout",
 )  # fmt: skip
 HARMFUL = {
@@ -47,7 +49,9 @@ def sampler(builder: Builder, kind: str, parameters: Parameters) -> None:
     if kind == "halton":
         parameters.text("randomization", "permutedigits")
     elif "sobol" in kind and parameters.text("randomization", "fastowen") not in ("fastowen", "owen"):
-        parameters.unsupported("randomization", 'randomization must be "fastowen" or "owen": points are Owen-scrambled')
+        parameters.unsupported(
+            "randomization", 'randomization must be "fastowen" or "owen": points are Owen-scrambled'
+        )
     builder.defaults = replace(builder.defaults, sampler=SAMPLERS[kind], spp=spp, seed=seed)
 
 
@@ -59,7 +63,9 @@ def _count(parameters: Parameters, name: str, default: int) -> int:
 
 
 def _strata(parameters: Parameters) -> int:
-    must_be(parameters, "jitter", parameters.flag("jitter", True), True, "strata are sampled at random points")
+    must_be(
+        parameters, "jitter", parameters.flag("jitter", True), True, "strata are sampled at random points"
+    )
     spp = _count(parameters, "xsamples", 4) * _count(parameters, "ysamples", 4)
     if spp > SPP_LIMIT:
         raise parameters.fail("xsamples", f"{spp} samples a pixel; at most {SPP_LIMIT} are supported")
@@ -67,7 +73,9 @@ def _strata(parameters: Parameters) -> int:
 
 
 def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Integrator`: pbrt's path tracers to depth 1, which is direct light and visible emission, or ambient occlusion."""
+    """`Integrator`: pbrt's path tracers to depth 1, which is direct light and visible emission, or ambient
+    occlusion.
+    """
     builder.has_integrator = True
     if kind == "ambientocclusion":
         _ambient_occlusion(builder, parameters)
@@ -76,7 +84,9 @@ def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
     depth = parameters.integer("maxdepth", 5)
     if depth != 1:
         given = "" if parameters.given("maxdepth") else " (pbrt's default)"
-        parameters.unsupported("maxdepth", f'maxdepth is {depth}{given}: only direct light, "integer maxdepth" [ 1 ]')
+        parameters.unsupported(
+            "maxdepth", f'maxdepth is {depth}{given}: only direct light, "integer maxdepth" [ 1 ]'
+        )
     builder.occlusion_distance, builder.without_lights = np.inf, None
     if kind == "simplepath":
         lights, brdf = parameters.flag("samplelights", True), parameters.flag("samplebsdf", True)
@@ -91,7 +101,9 @@ def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def check_delta(builder: Builder) -> None:
-    """Report `samplelights` that is false where pbrt would then leave out lights that no direction finds by chance."""
+    """Report `samplelights` that is false where pbrt would then leave out lights that no direction finds by
+    chance.
+    """
     delta = any(not isinstance(light, Environment) for light in builder.lights)
     if builder.without_lights is not None and delta:
         problem = "without samplelights pbrt leaves point, spot and distant lights out; that is not supported"
@@ -113,7 +125,9 @@ def accelerator(_: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def option(builder: Builder, name: str, value: str, where: Location) -> None:
-    """`Option "name" value`: pbrt compares names without case, dashes and underscores; a type before the name is let pass."""
+    """`Option "name" value`: pbrt compares names without case, dashes and underscores; a type before the name
+    is let pass.
+    """
     word = name.split()[-1] if name.split() else ""
     known = word.lower().replace("-", "").replace("_", "")
     if known in HARMFUL:

@@ -1,4 +1,6 @@
-"""`LightSource` and `AreaLightSource`, with pbrt-v4's defaults and its units: luminance, luminous power and illuminance where those are asked for."""
+"""`LightSource` and `AreaLightSource`, with pbrt-v4's defaults and its units: luminance, luminous power and
+illuminance where those are asked for.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import DistantLight, Emission, Light, PointLight, SpotLight
+from scenes.description.lights import DistantLight, Light, PointLight, SpotLight
+from scenes.description.shapes import Emission
 from scenes.errors import Unsupported
 from scenes.pbrt.directives.environment import infinite
 from scenes.pbrt.directives.texels import image_of
@@ -36,7 +39,9 @@ def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def emitted(parameters: Parameters, name: str) -> Array:
-    """The colour of a light times its `scale`, (3,) float64; white where none is given, as pbrt's standard illuminant."""
+    """The colour of a light times its `scale`, (3,) float64; white where none is given, as pbrt's standard
+    illuminant.
+    """
     found = colour(parameters, name, "illuminant")
     return checked(parameters, name, (np.ones(3) if found is None else found) * factor(parameters))
 
@@ -52,7 +57,9 @@ def factor(parameters: Parameters) -> float:
 def checked(parameters: Parameters, name: str, radiance: Array) -> Array:
     """`radiance`, or a SceneError where it is too large."""
     if not np.all(radiance <= RADIANCE_LIMIT):
-        raise parameters.fail(name, "the radiance is beyond 1e30, the largest that float32 images can average")
+        raise parameters.fail(
+            name, "the radiance is beyond 1e30, the largest that float32 images can average"
+        )
     return radiance
 
 
@@ -95,15 +102,20 @@ def _spot(builder: Builder, parameters: Parameters) -> Light:
     inner = abs(cone - delta)  # beyond the axis it begins as far on the other side, as its cosine has it
     if uniform_scale(builder.state.transform.matrix[:3, :3]) is None:
         raise Unsupported(
-            "the transformation stretches or shears the cone of the spot light; that is not supported", parameters.where
+            "the transformation stretches or shears the cone of the spot light; that is not supported",
+            parameters.where,
         )
     start, end = np.cos(np.radians(inner)), np.cos(np.radians(cone))
     intensity, power = emitted(parameters, "I"), _positive(parameters, "power")
     if power is not None:
-        intensity = checked(parameters, "power", intensity * (power / (2 * np.pi * ((1 - start) + (start - end) / 2))))
+        intensity = checked(
+            parameters, "power", intensity * (power / (2 * np.pi * ((1 - start) + (start - end) / 2)))
+        )
     position = _position(builder, parameters)
     axis = parameters.point("to", (0.0, 0.0, 1.0)) - parameters.point("from", (0.0, 0.0, 0.0))
-    return SpotLight(position, _direction(builder, parameters, axis), intensity, cone, inner, parameters.where)
+    return SpotLight(
+        position, _direction(builder, parameters, axis), intensity, cone, inner, parameters.where
+    )
 
 
 def _distant(builder: Builder, parameters: Parameters) -> Light:

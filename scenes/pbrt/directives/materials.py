@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import Conductor, Diffuse, Material
+from scenes.description.materials import Conductor, Diffuse, Material
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.textures import named_texture
 from scenes.pbrt.spectra import colour, colour_of, samples, spectrum_name
@@ -75,13 +75,20 @@ def _conductor(parameters: Parameters) -> Conductor:
     return Conductor(*found, alpha)
 
 
-def _refractive_index(parameters: Parameters, eta: Parameter | None, k: Parameter | None) -> tuple[Array, Array]:
-    """eta and k, (3,) each; two spectra are projected together, which gives the colour of their reflectance."""
+def _refractive_index(
+    parameters: Parameters, eta: Parameter | None, k: Parameter | None
+) -> tuple[Array, Array]:
+    """eta and k, (3,) each; two spectra are projected together, which gives the colour of their
+    reflectance.
+    """
     from scenes import color
 
     try:
         if _is_spectrum(eta) and _is_spectrum(k):
-            names = [name if p is None else spectrum_name(p) for p, name in ((eta, "metal-Cu-eta"), (k, "metal-Cu-k"))]
+            names = [
+                name if p is None else spectrum_name(p)
+                for p, name in ((eta, "metal-Cu-eta"), (k, "metal-Cu-k"))
+            ]
             metal = str(names[0]).removesuffix("-eta")
             if metal in color.METALS and names == [f"{metal}-eta", f"{metal}-k"]:
                 return color.metal(metal)
@@ -118,16 +125,23 @@ def _alpha(parameters: Parameters) -> float:
         raise parameters.fail(name, f"{name} must not be negative")
     if u != v:
         parameters.unsupported(
-            "uroughness", f"uroughness {u:g} and vroughness {v:g} differ: only isotropic conductors are supported"
+            "uroughness",
+            f"uroughness {u:g} and vroughness {v:g} differ: only isotropic conductors are supported",
         )
     alpha = float(np.sqrt(u)) if remap else u
-    given = next((name for name in ("roughness", "uroughness", "vroughness") if parameters.given(name)), "roughness")
+    given = next(
+        (name for name in ("roughness", "uroughness", "vroughness") if parameters.given(name)), "roughness"
+    )
     if alpha >= SMOOTH or given in parameters.refused:
         return max(alpha, SMOOTH)
     least = f"{SMOOTH**2 if remap else SMOOTH:g}"
     shown = f"roughness {u:g}" if parameters.given(given) else "no roughness (pbrt's default is 0)"
     parameters.unsupported(
-        given, f"a conductor of {shown} is a perfect mirror, which is not supported: roughness of at least {least} is"
+        given,
+        (
+            f"a conductor of {shown} is a perfect mirror, which is not supported: roughness of at least "
+            f"{least} is"
+        ),
     )
     return SMOOTH
 
@@ -148,5 +162,7 @@ def resolved(use: MaterialUse, builder: Builder) -> Material:
 
 def _named(name: str, where: Location, materials: Mapping[str, MaterialUse]) -> MaterialUse:
     if name not in materials:
-        raise SceneError(f"no material is called {name!r}; there are: {', '.join(materials) or 'none'}", where)
+        raise SceneError(
+            f"no material is called {name!r}; there are: {', '.join(materials) or 'none'}", where
+        )
     return materials[name]

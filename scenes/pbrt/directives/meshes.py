@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import BilinearMesh, Geometry, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Geometry, TriangleMesh
 from scenes.errors import PenumbraError, SceneError, Unsupported
 from scenes.pbrt.state import AreaLight
 from scenes.pbrt.text.numbers import Values
@@ -52,11 +52,18 @@ def triangle_mesh(parameters: Parameters, placement: Placement) -> list[Geometry
 
 
 def _side_of_normals(
-    vertices: Array, faces: NDArray[np.int64], normals: Array, placement: Placement, parameters: Parameters, name: str
+    vertices: Array,
+    faces: NDArray[np.int64],
+    normals: Array,
+    placement: Placement,
+    parameters: Parameters,
+    name: str,
 ) -> bool:
-    """Whether the faces' own normals must be turned round to lie on the side of the given ones, which decide in pbrt.
+    """Whether the faces' own normals must be turned round to lie on the side of the given ones, which decide
+    in pbrt.
 
-    Normals of the file shade smoothly in pbrt; that is reported, unless each is its face's own or that one's opposite.
+    Normals of the file shade smoothly in pbrt; that is reported, unless each is its face's own or that one's
+    opposite.
     """
     corners = vertices[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -71,7 +78,8 @@ def _side_of_normals(
         parameters.unsupported(
             name, "smooth shading is not supported: leave the normals out, and each face is shaded by its own"
         )
-    # The faces are turned by a mirror and the given normals by ReverseOrientation: with normals the order of corners is of no effect.
+    # The faces are turned by a mirror and the given normals by ReverseOrientation: with normals the order of
+    # corners is of no effect.
     mirrored = placement.transform.swaps_handedness
     return (placement.reverse != opposite) != mirrored if same or opposite else placement.turned
 
@@ -102,13 +110,17 @@ def _patches(
 
 
 def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
-    """Why these patches are not planar convex quadrilaterals, or None. vertices (m, 3), faces (q, 4) as p00 p10 p01 p11."""
+    """Why these patches are not planar convex quadrilaterals, or None. vertices (m, 3), faces (q, 4) as p00
+    p10 p01 p11.
+    """
     p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
     diagonals = np.cross(p11 - p00, p01 - p10)  # twice the area, whatever the shape
     length = np.linalg.norm(diagonals, axis=1)
     diameter = np.maximum(np.linalg.norm(p11 - p00, axis=1), np.linalg.norm(p01 - p10, axis=1))
     if not np.all(length > 0):
-        return f"patch {int(np.argmin(length))} has no area, or its corners are not in the order p00 p10 p01 p11"
+        return (
+            f"patch {int(np.argmin(length))} has no area, or its corners are not in the order p00 p10 p01 p11"
+        )
     normal = diagonals / length[:, None]
     rounding = 4 * np.finfo(np.float32).eps * np.abs(vertices[faces]).max(axis=(1, 2))
     warp = np.abs(np.sum((p10 - p00) * normal, axis=1))  # how far the two diagonals pass each other by
@@ -116,10 +128,16 @@ def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
     if off.any():
         return f"patch {int(np.argmax(off))} is not planar: curved bilinear patches are not supported"
     ring = (p00, p10, p11, p01)
-    turns = [np.sum(np.cross(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1) for i in range(4)]
+    turns = [
+        np.sum(np.cross(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
+        for i in range(4)
+    ]
     bad = np.min(turns, axis=0) < -PLANE_TOLERANCE * diameter**2
     if bad.any():
-        return f"patch {int(np.argmax(bad))} is not convex: its corners must be given in the order p00 p10 p01 p11"
+        return (
+            f"patch {int(np.argmax(bad))} is not convex: its corners must be given in the order p00 "
+            "p10 p01 p11"
+        )
     return None
 
 
@@ -145,9 +163,13 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
         turned = _side_of_normals(mesh.vertices, corners, mesh.normals, placement, parameters, "filename")
     geometries: list[Geometry] = []
     if len(mesh.triangles):
-        geometries.append(TriangleMesh(placement.transform.points(mesh.vertices), mesh.triangles, turned, mesh.uv))
+        geometries.append(
+            TriangleMesh(placement.transform.points(mesh.vertices), mesh.triangles, turned, mesh.uv)
+        )
     if len(mesh.quads):  # corners go round the face in PLY, row by row in a patch
-        geometries.append(_patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement, turned))
+        geometries.append(
+            _patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement, turned)
+        )
     return geometries
 
 
@@ -158,11 +180,15 @@ def _indexed(parameters: Parameters, corners: int) -> tuple[Array, NDArray[np.in
         raise SceneError(f'{parameters.owner} needs "point3 P"', parameters.where)
     if indices is None:
         if len(vertices) != corners:
-            raise SceneError(f'{parameters.owner} of {len(vertices)} points needs "integer indices"', parameters.where)
+            raise SceneError(
+                f'{parameters.owner} of {len(vertices)} points needs "integer indices"', parameters.where
+            )
         return vertices, np.arange(corners, dtype=np.int64).reshape(1, corners)
     faces, tokens = indices
     if not len(faces) or len(faces) % corners:
-        raise parameters.fail("indices", f'"integer indices" takes groups of {corners}, not {len(faces)} numbers')
+        raise parameters.fail(
+            "indices", f'"integer indices" takes groups of {corners}, not {len(faces)} numbers'
+        )
     _check_indices(faces, tokens, len(vertices))
     return vertices, faces.reshape(-1, corners)
 
@@ -171,7 +197,9 @@ def _check_indices(indices: NDArray[np.int64], tokens: Values, count: int) -> No
     outside = (indices < 0) | (indices >= count)
     if outside.any():
         token = tokens.token(int(np.argmax(outside)))
-        raise SceneError(f"index {token} is out of range: there are {count} points, counted from 0", token.where)
+        raise SceneError(
+            f"index {token} is out of range: there are {count} points, counted from 0", token.where
+        )
 
 
 def _uv(parameters: Parameters, count: int) -> Array | None:

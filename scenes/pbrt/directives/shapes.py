@@ -1,8 +1,10 @@
-"""`Shape`: pbrt-v4's triangle meshes, bilinear meshes, mesh files, spheres and disks, brought into world space.
+"""`Shape`: pbrt-v4's triangle meshes, bilinear meshes, mesh files, spheres and disks, brought into world
+space.
 
 Orientation follows pbrt-v4's source. Triangles and patches turn their normal where `ReverseOrientation` xor a
-mirroring transformation says so. Spheres and disks that emit are different there: the normal of a light sample
-ignores the mirroring and that of a ray's hit does not, so a mirrored one-sided light has no defined side and is refused.
+mirroring transformation says so. Spheres and disks that emit are different there: the normal of a light
+sample ignores the mirroring and that of a ray's hit does not, so a mirrored one-sided light has no defined
+side and is refused.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
 from scenes.errors import SceneError, Unsupported
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.state import Builder, PlacedShape, check_room
@@ -24,7 +26,9 @@ Array = NDArray[np.float64]
 
 
 def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Shape`: its geometry in world space, or in its object's, with the material and the light of the moment."""
+    """`Shape`: its geometry in world space, or in its object's, with the material and the light of the
+    moment.
+    """
     state = builder.state
     parameters.owner = kind
     light = state.light
@@ -47,14 +51,18 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
     """The geometries of one `Shape` directive, one or two of them; SceneError for what cannot be."""
     if kind not in _SHAPES:
         parameters.ignore()
-        raise Unsupported(f"shape {kind!r} is not supported; supported: {', '.join(_SHAPES)}", parameters.where)
+        raise Unsupported(
+            f"shape {kind!r} is not supported; supported: {', '.join(_SHAPES)}", parameters.where
+        )
     _check_alpha(parameters)
     with np.errstate(all="ignore"):
         geometries = _SHAPES[kind](parameters, placement)
         for geometry in geometries:
             check_range(geometry, parameters)
         if placement.light is not None:
-            return [_emitting(one, parameters) if isinstance(one, TriangleMesh) else one for one in geometries]
+            return [
+                _emitting(one, parameters) if isinstance(one, TriangleMesh) else one for one in geometries
+            ]
     return geometries
 
 
@@ -85,7 +93,9 @@ def range_problem(geometry: Geometry) -> str | None:
 
 
 def _emitting(geometry: TriangleMesh, parameters: Parameters) -> TriangleMesh:
-    """The mesh without the faces that have no area, which are lights of no power in pbrt; SceneError if there is none with."""
+    """The mesh without the faces that have no area, which are lights of no power in pbrt; SceneError if there
+    is none with.
+    """
     corners = geometry.vertices[geometry.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     if not np.any(area > 0):
@@ -104,14 +114,16 @@ def _only(parameters: Parameters, name: str, value: float) -> None:
     """Report a bound that cuts something off; pbrt brings those beyond the shape back to it."""
     beyond = parameters.number(name, value) - value
     if (beyond if value < 0 else -beyond) > 0 or (value == 0 and beyond != 0):
-        parameters.unsupported(name, f"{name} must be {value:g}: only the full {parameters.owner} is supported")
+        parameters.unsupported(
+            name, f"{name} must be {value:g}: only the full {parameters.owner} is supported"
+        )
 
 
 def _check_side(parameters: Parameters, placement: Placement) -> None:
     light = placement.light
     if light and not light.emission.two_sided and placement.transform.swaps_handedness:
         raise Unsupported(
-            f"a one-sided light on a {parameters.owner} under a mirroring transformation: pbrt-v4 contradicts itself "
+            f"a one-sided light on a {parameters.owner} under a mirroring transformation: pbrt-v4 contradicts itself "  # noqa: E501
             "about the side it emits on; take the mirroring out and use ReverseOrientation",
             parameters.where,
         )
@@ -133,11 +145,16 @@ def _disk(parameters: Parameters, placement: Placement) -> list[Geometry]:
     _only(parameters, "phimax", 360.0)
     _check_side(parameters, placement)
     plain = Disk(
-        np.array([0.0, 0.0, height]), np.array([0.0, 0.0, -1.0 if placement.reverse else 1.0]), radius, np.eye(3)
+        np.array([0.0, 0.0, height]),
+        np.array([0.0, 0.0, -1.0 if placement.reverse else 1.0]),
+        radius,
+        np.eye(3),
     )
     return [
         _checked(
-            moved_disk(plain, placement.transform, placement.light is not None), "an ellipse of the disk", parameters
+            moved_disk(plain, placement.transform, placement.light is not None),
+            "an ellipse of the disk",
+            parameters,
         )
     ]
 
@@ -155,11 +172,16 @@ def moved_sphere(sphere: Sphere, transform: Transform) -> Sphere | None:
     if factor is None or frame is None or sphere.frame is None:
         return None
     center = transform.points(sphere.center[None])[0]
-    return Sphere(center, sphere.radius * factor, sphere.reverse != transform.swaps_handedness, frame @ sphere.frame)
+    return Sphere(
+        center, sphere.radius * factor, sphere.reverse != transform.swaps_handedness, frame @ sphere.frame
+    )
 
 
 def moved_disk(disk: Disk, transform: Transform, emits: bool = False) -> Disk | None:
-    """A disk under a transformation; None where that stretches it. What emits keeps its side under a mirror (it is two-sided)."""
+    """A disk under a transformation; None where that stretches it.
+
+    What emits keeps its side under a mirror (it is two-sided).
+    """
     if disk.frame is None:
         return None
     plane = transform.matrix[:3, :3] @ disk.frame[:, :2]

@@ -17,7 +17,8 @@ from scenes.pbrt.text.parameters import Parameters
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
-# Of all images of a scene: 3.2 GB as they are held. Measured while two textures of 8192 x 8192 are read: at most 3.3 GB in all where their
+# Of all images of a scene: 3.2 GB as they are held. Measured while two textures of 8192 x 8192 are read: at
+# most 3.3 GB in all where their
 # sides are powers of two, 4.7 GB where they are resized, 4.4 GB as textures of numbers.
 TEXELS = 2**27
 SRGB = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)  # x and y of red, green, blue and white
@@ -27,31 +28,41 @@ CLOSE = 1e-3  # relative, of chromaticities: `RGBColorSpace::Lookup`
 def image_of(
     builder: Builder, parameters: Parameters, name: str, encoding: str = "sRGB", wrap: str | None = None
 ) -> Array:
-    """The image file `name`, which the parameter "filename" gives: (h, w, 3) float64, linear RGB, nothing below 0, rounded to float32.
+    """The image file `name`, which the parameter "filename" gives: (h, w, 3) float64, linear RGB, nothing
+    below 0, rounded to float32.
 
-    encoding: as `images.read_texels` takes it. wrap: "repeat", "clamp" or "black" for a texture, which is resized to powers of two;
-    None for a light's image, which is not. The same file gives the same array. SceneError at the parameter where it cannot be read.
+    encoding: as `images.read_texels` takes it. wrap: "repeat", "clamp" or "black" for a texture, which is
+    resized to powers of two; None for a light's image, which is not. The same file gives the same array.
+    SceneError at the parameter where it cannot be read.
     """
     return _found(builder, parameters, name, encoding, wrap, "")
 
 
-def numbers_of(builder: Builder, parameters: Parameters, name: str, encoding: str, wrap: str, filter_: str) -> Array:
+def numbers_of(
+    builder: Builder, parameters: Parameters, name: str, encoding: str, wrap: str, filter_: str
+) -> Array:
     """As `image_of`, for a texture of numbers: three equal components.
 
-    Of a file of colours pbrt-v4 takes red where it takes single texels, as the filter "point" does, and where it interpolates alpha, or
-    the mean of red, green and blue if the file is opaque everywhere. "EWA" does now the one and now the other: it is reported, unless
-    the two are the same.
+    Of a file of colours pbrt-v4 takes red where it takes single texels, as the filter "point" does, and where
+    it interpolates alpha, or the mean of red, green and blue if the file is opaque everywhere. "EWA" does now
+    the one and now the other: it is reported, unless the two are the same.
     """
     return _found(builder, parameters, name, encoding, wrap, filter_.lower())
 
 
 def single(image: Array) -> Array:
-    """Texels rounded to float32, which is what image files hold: a scene that is written out and read again is the same to the bit."""
+    """Texels rounded to float32, which is what image files hold: a scene that is written out and read again
+    is the same to the bit.
+    """
     return image.astype(np.float32).astype(np.float64)
 
 
-def _found(builder: Builder, parameters: Parameters, name: str, encoding: str, wrap: str | None, filter_: str) -> Array:
-    """The texels, read or found among those read before. filter_: in lower case for numbers, "" for colours."""
+def _found(
+    builder: Builder, parameters: Parameters, name: str, encoding: str, wrap: str | None, filter_: str
+) -> Array:
+    """The texels, read or found among those read before. filter_: in lower case for numbers, "" for
+    colours.
+    """
     # Here, because most scenes name no images and OpenImageIO takes time.
     from scenes.images.exr import read_texels, texture_header
 
@@ -69,7 +80,9 @@ def _found(builder: Builder, parameters: Parameters, name: str, encoding: str, w
         return builder.images[key]
     builder.texels += new[0] * new[1]
     if builder.texels > TEXELS:
-        raise parameters.fail("filename", f"the images of the scene, resized, have more than {TEXELS} texels in all")
+        raise parameters.fail(
+            "filename", f"the images of the scene, resized, have more than {TEXELS} texels in all"
+        )
     texels = _at(parameters, "filename", lambda: read_texels(header, encoding))
     texels = _numbers(parameters, texels, filter_) if filter_ else texels[..., :3]
     if wrap is not None:
@@ -99,8 +112,9 @@ def _numbers(parameters: Parameters, texels: Array, filter_: str) -> Array:
     if filter_ == "ewa" and not (opaque and gray):
         parameters.unsupported(
             "filter",
-            'the filter "EWA" on a file of colours for a texture of numbers is not supported, since pbrt takes red where it filters and '
-            f'{"the mean of red, green and blue" if opaque else "alpha"} where it does not; supported: "bilinear", "trilinear", "point"',
+            'the filter "EWA" on a file of colours for a texture of numbers is not supported, since pbrt '
+            f"takes red where it filters and {'the mean of red, green and blue' if opaque else 'alpha'} "
+            'where it does not; supported: "bilinear", "trilinear", "point"',
         )
     return texels[..., :3] if opaque else texels[..., 3:]
 
@@ -111,5 +125,8 @@ def _check_colours(parameters: Parameters, chromaticities: tuple[float, ...]) ->
         shown = " ".join(f"{number:.4g}" for number in chromaticities)
         parameters.unsupported(
             "filename",
-            f"the image's attribute chromaticities is {shown}; only sRGB's is supported: convert the image to sRGB",
+            (
+                f"the image's attribute chromaticities is {shown}; only sRGB's is supported: convert the "
+                "image to sRGB"
+            ),
         )

@@ -1,4 +1,5 @@
-"""`Texture`: constant, scale, mix, checkerboard and imagemap, of numbers and of colours, as pbrt-v4 reads them.
+"""`Texture`: constant, scale, mix, checkerboard and imagemap, of numbers and of colours, as pbrt-v4 reads
+them.
 
 Numbers are textures of three equal components here. What is made of constants alone is a constant.
 """
@@ -11,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import Location, SceneError, Unsupported
 from scenes.pbrt.directives.texels import image_of, numbers_of
 from scenes.pbrt.spectra import colour_of
@@ -56,7 +57,9 @@ def named_texture(builder: Builder, type_: str, name: str, where: Location) -> N
 
 
 class _Maker:
-    """Reads the parts of one texture. size: its nodes so far. plain: whether it is one of pbrt's "constant", and not made of such."""
+    """Reads the parts of one texture. size: its nodes so far. plain: whether it is one of pbrt's "constant",
+    and not made of such.
+    """
 
     def __init__(self, builder: Builder, type_: str, parameters: Parameters) -> None:
         self.type = type_
@@ -67,7 +70,9 @@ class _Maker:
         self.builder = builder
 
     def part(self, name: str, default: float, type_: str | None = None) -> Texture:
-        """A texture, a colour or a number given as parameter `name`; of `type_`, by default the whole's own."""
+        """A texture, a colour or a number given as parameter `name`; of `type_`, by default the whole's
+        own.
+        """
         type_ = type_ or self.type
         types = ("float",) if type_ == "float" else ("rgb", "spectrum")
         parameter = self.parameters.take(name, *types, "texture")
@@ -98,7 +103,8 @@ def _scale(maker: _Maker) -> Texture:
     if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
         maker.plain = _is_plain(maker, "tex", "scale", second) or _is_plain(maker, "scale", "tex", first)
         return first * second
-    # pbrt gives a factor that is a "constant" to the image itself, whose own inversion and bounds then come after it.
+    # pbrt gives a factor that is a "constant" to the image itself, whose own inversion and bounds then come
+    # after it.
     if isinstance(first, ImageTexture) and isinstance(second, np.ndarray) and maker.is_plain("scale"):
         return replace(first, scale=first.scale * float(second[0]))
     if (
@@ -142,7 +148,13 @@ def _mapping(parameters: Parameters) -> UVMapping:
 
 
 # pbrt-v4 looks all of these up bilinearly at the finest level where it has no ray differentials.
-_FILTERS = {"bilinear": "bilinear", "point": "point", "trilinear": "bilinear", "ewa": "bilinear", "EWA": "bilinear"}
+_FILTERS = {
+    "bilinear": "bilinear",
+    "point": "point",
+    "trilinear": "bilinear",
+    "ewa": "bilinear",
+    "EWA": "bilinear",
+}
 
 
 def _imagemap(maker: _Maker) -> Texture:
@@ -151,7 +163,9 @@ def _imagemap(maker: _Maker) -> Texture:
     if filter_ not in _FILTERS:
         raise parameters.fail("filter", f'unknown filter "{filter_}"; there are: {", ".join(_FILTERS)}')
     if wrap not in ("repeat", "black", "clamp"):
-        parameters.unsupported("wrap", f'wrap "{wrap}" is not supported; supported: "repeat", "black", "clamp"')
+        parameters.unsupported(
+            "wrap", f'wrap "{wrap}" is not supported; supported: "repeat", "black", "clamp"'
+        )
         wrap = "repeat"
     parameters.number("maxanisotropy", 8.0)  # of the filter that is not simulated
     scale, invert = parameters.number("scale", 1.0), parameters.flag("invert", False)

@@ -1,4 +1,6 @@
-"""pbrt-v4's lexical level: a text becomes words, quoted strings and brackets, each with its place in its file."""
+"""pbrt-v4's lexical level: a text becomes words, quoted strings and brackets, each with its place in its
+file.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,10 @@ Kind = Literal["word", "string", "[", "]", "end"]
 
 # As in pbrt, a `#` inside a word does not begin a comment.
 _LEXEME = re.compile(
-    r'[ \t\r\n]*(?:(?P<comment>#[^\r\n]*)|(?P<string>"(?:[^"\\\n]++|\\.)*+"?)|(?P<bracket>[\[\]])|(?P<word>[^ \t\r\n"\[\]]+))'
+    r"[ \t\r\n]*(?:(?P<comment>#[^\r\n]*)"
+    r'|(?P<string>"(?:[^"\\\n]++|\\.)*+"?)'
+    r"|(?P<bracket>[\[\]])"
+    r'|(?P<word>[^ \t\r\n"\[\]]+))'
 )
 _COMMENT = re.compile(r"(?m)(?:^|[ \t])#[^\r\n]*")
 _BYTE = re.compile("[\udc80-\udcff]")
@@ -30,7 +35,9 @@ _ESCAPED = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A text and where it came from. folder: what the file names in it are relative to; None where it is no file."""
+    """A text and where it came from. folder: what the file names in it are relative to; None where it is no
+    file.
+    """
 
     file: str
     text: str
@@ -95,7 +102,10 @@ class Tokenizer:
                 return Token("[" if text == "[" else "]", text, self.source, offset)
             if text.startswith("#$") and text[2:3] in ("", " ", "\t"):
                 raise SceneError(
-                    "a template parameter is declared in the header of the scene file, before the first directive",
+                    (
+                        "a template parameter is declared in the header of the scene file, before the first "
+                        "directive"
+                    ),
                     self.source.location(offset),
                 )
         return None
@@ -111,7 +121,9 @@ def tokenize(source: Source, start: int = 0) -> Iterator[Token]:
 def _unquote(text: str, source: Source, offset: int) -> str:
     closed = len(text) >= 2 and re.fullmatch(r'"(?:[^"\\]++|\\.)*+"', text)
     if not closed:
-        raise SceneError("unterminated string: a string ends on the line where it begins", source.location(offset))
+        raise SceneError(
+            "unterminated string: a string ends on the line where it begins", source.location(offset)
+        )
     if "\\" not in text:
         return text[1:-1]
 
@@ -128,7 +140,9 @@ def _unquote(text: str, source: Source, offset: int) -> str:
 
 
 def read_source(path: Path, where: Location | None = None) -> Source:
-    """Read a UTF-8 text file, also compressed (.gz); SceneError at `where` (the Include that names it) if that cannot be done."""
+    """Read a UTF-8 text file, also compressed (.gz); SceneError at `where` (the Include that names it) if
+    that cannot be done.
+    """
     try:
         data = read_bytes(path)
     except PenumbraError as error:
@@ -137,7 +151,9 @@ def read_source(path: Path, where: Location | None = None) -> Source:
 
 
 def decode(data: bytes, file: str) -> str:
-    """UTF-8 text without its byte-order mark; SceneError at the first byte that is none, but in comments, where such bytes become `?`."""
+    """UTF-8 text without its byte-order mark; SceneError at the first byte that is none, but in comments,
+    where such bytes become `?`.
+    """
     try:
         return data.decode("utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:

@@ -1,4 +1,6 @@
-"""Lists of values: long runs of numbers are read in one go, and become tokens only where something is wrong with them."""
+"""Lists of values: long runs of numbers are read in one go, and become tokens only where something is wrong
+with them.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from scenes.pbrt.text.lexer import Source, Token, tokenize
 SHORT = 40  # characters: up to there tokens are as quick
 SINGLES = 1_000_000  # tokens of one list that are in no run
 
-# A run: numbers, space and comments, possessive, so that a failure costs one pass. What follows a number at once belongs to its
+# A run: numbers, space and comments, possessive, so that a failure costs one pass. What follows a number at
+# once belongs to its
 # word, a `#` too; so a run ends where its last word does. (?![$] ): a template's declaration is no comment.
 _WORD = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+(?=[ \t\r\n\]])"
 _RUN = re.compile(rf"(?:[ \t\r\n]++|{_WORD}|#(?!\$(?![^ \t\r\n]))[^\r\n]*+)*+")
@@ -25,7 +28,9 @@ _COMMENT = re.compile(r"#[^\r\n]*")
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Finite numbers of a text, `array` (m,) float64, between the offsets start and end. whole: whether each is written as a whole number."""
+    """Finite numbers of a text, `array` (m,) float64, between the offsets start and end. whole: whether each
+    is written as a whole number.
+    """
 
     array: NDArray[np.float64]
     whole: bool

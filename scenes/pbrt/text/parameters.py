@@ -28,7 +28,8 @@ SPACES = (SRGB, "rec2020", "dci-p3")  # those whose white is sRGB's
 OTHER_SPACES = ("aces2065-1",)
 # What pbrt takes where it takes numbers or colours, and nothing here does but where it says so.
 OTHER_FORMS = {"texture": ("float", "rgb", "spectrum"), "blackbody": ("rgb", "spectrum")}
-# What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is meant for other kinds, it is
+# What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is
+# meant for other kinds, it is
 # reported all the same wherever it would have an effect.
 EFFECTIVE = ("normalmap", "displacement")
 
@@ -53,7 +54,8 @@ class Parameter:
 class Parameters:
     """The parameter list of one directive. Read everything that is supported, then call `finish`.
 
-    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this kind, one of each type and name; the directive's own override them.
+    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this
+    kind, one of each type and name; the directive's own override them.
     """
 
     def __init__(
@@ -100,7 +102,9 @@ class Parameters:
         self._report.add(message, self.located(name))
 
     def number(self, name: str, default: float) -> float:
-        """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a hash would."""
+        """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a
+        hash would.
+        """
         return self._one("float", name, default, self._bindings.number) + 0.0
 
     def integer(self, name: str, default: int) -> int:
@@ -127,14 +131,18 @@ class Parameters:
         return np.array(default) if found is None else found[0] + 0.0
 
     def vectors(self, type_: str, name: str) -> Array | None:
-        """All values of a `point3`, `point2` and the like as rows: (m, 3) or (m, 2) float64; None if not given."""
+        """All values of a `point3`, `point2` and the like as rows: (m, 3) or (m, 2) float64; None if not
+        given.
+        """
         parameter = self.take(name, type_)
         if parameter is None:
             return None
         size = 2 if type_.endswith("2") else 3
         if not len(parameter.values) or len(parameter.values) % size:
             count = len(parameter.values)
-            raise SceneError(f"{parameter} takes groups of {size} numbers, not {count} numbers", parameter.where)
+            raise SceneError(
+                f"{parameter} takes groups of {size} numbers, not {count} numbers", parameter.where
+            )
         return self.values(parameter).reshape(-1, size)
 
     def numbers(self, name: str) -> Array | None:
@@ -159,9 +167,11 @@ class Parameters:
         return parameter.values.array(self._bindings.number) + 0.0
 
     def take(self, name: str, *types: str) -> Parameter | None:
-        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of these types.
+        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of
+        these types.
 
-        None too where it is of a form that pbrt would take, which is then reported. An `Attribute` of another type is meant for others.
+        None too where it is of a form that pbrt would take, which is then reported. An `Attribute` of another
+        type is meant for others.
         """
         self._supported.extend(f"{type_} {name}" for type_ in types)
         self._unread.pop(name, None)
@@ -170,15 +180,21 @@ class Parameters:
                 return parameter
             allowed = " or ".join(f'"{type_} {name}"' for type_ in types)
             if any(form in types for form in OTHER_FORMS.get(parameter.type, ())):
-                self._report.add(f"{parameter} of {self.owner} is not supported; supported: {allowed}", parameter.where)
+                self._report.add(
+                    f"{parameter} of {self.owner} is not supported; supported: {allowed}", parameter.where
+                )
                 self.refused.add(name)
                 return None
             if name in self._given:
-                raise SceneError(f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where)
+                raise SceneError(
+                    f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where
+                )
         return None
 
     def ignore(self) -> None:
-        """Take all that is left as read: it changes nothing here, or a larger part is not supported anyway."""
+        """Take all that is left as read: it changes nothing here, or a larger part is not supported
+        anyway.
+        """
         self._unread.clear()
 
     def finish(self) -> None:
@@ -186,7 +202,8 @@ class Parameters:
         for parameter in self._unread.values():
             supported = ", ".join(f'"{name}"' for name in dict.fromkeys(self._supported)) or "none"
             self._report.add(
-                f"{parameter} is not supported by {self.owner}; supported parameters: {supported}", parameter.where
+                f"{parameter} is not supported by {self.owner}; supported parameters: {supported}",
+                parameter.where,
             )
 
     def _one(self, type_: str, name: str, default: T, convert: Callable[[Token], T]) -> T:

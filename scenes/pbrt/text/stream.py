@@ -65,7 +65,9 @@ class TokenStream:
         return self._files.find(name, token.source.folder, token.where)
 
     def include(self, name: str, token: Token, end: Token | None = None) -> None:
-        """Continue with the file `name`, and give `end` when it is over; SceneError for cycles, depth and what cannot be read."""
+        """Continue with the file `name`, and give `end` when it is over; SceneError for cycles, depth and
+        what cannot be read.
+        """
         path = self.find(name, token)
         here = [Path(tokenizer.source.file).resolve() for tokenizer, _ in self._stack]
         if path.resolve() in here:
@@ -73,7 +75,8 @@ class TokenStream:
         self._included += 1
         if len(self._stack) >= INCLUDE_DEPTH or self._included > INCLUDE_COUNT:
             raise SceneError(
-                f"too many includes: at most {INCLUDE_DEPTH} inside each other and {INCLUDE_COUNT} in all", token.where
+                f"too many includes: at most {INCLUDE_DEPTH} inside each other and {INCLUDE_COUNT} in all",
+                token.where,
             )
         source = read_source(path, token.where)
         self._read += len(source.text)

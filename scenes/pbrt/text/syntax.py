@@ -17,7 +17,9 @@ PARAMETERS = 1000
 class Syntax:
     """Reads what follows a directive's name. space: the `ColorSpace` of the moment."""
 
-    def __init__(self, tokens: TokenStream, bindings: Bindings, report: Report, space: Callable[[], str]) -> None:
+    def __init__(
+        self, tokens: TokenStream, bindings: Bindings, report: Report, space: Callable[[], str]
+    ) -> None:
         self.tokens = tokens
         self._bindings = bindings
         self._report = report
@@ -79,7 +81,9 @@ class Syntax:
             raise SceneError(f'{head} is no parameter: write "type name" and its values', head.where)
         type_ = SPELLINGS.get(words[0], words[0])
         if type_ not in TYPES:
-            raise SceneError(f"unknown parameter type {words[0]!r}; there are: {', '.join(TYPES)}", head.where)
+            raise SceneError(
+                f"unknown parameter type {words[0]!r}; there are: {', '.join(TYPES)}", head.where
+            )
         first = self.tokens.required(head, "a value")
         if first.kind == "]":
             raise SceneError(f"a ] where the value of {head} should stand", first.where)

@@ -1,8 +1,9 @@
 """Scenes with parameters: header lines declare them, `$name` uses them, `-D name=value` sets them.
 
-A declaration is a comment to pbrt:  #$ gap 0.01 in [0, 100] "scene units: lower edge of the light above the floor"
-`$gap` then stands wherever a number may stand. There is no arithmetic: transforms do what little is needed. `in` and the
-interval may be left out; a round bracket leaves the bound itself out: (0, 20] is above 0 and at most 20.
+A declaration is a comment to pbrt:  #$ gap 0.01 in [0, 100] "scene units: lower edge of the light above the
+floor" `$gap` then stands wherever a number may stand. There is no arithmetic: transforms do what little is
+needed. `in` and the interval may be left out; a round bracket leaves the bound itself out: (0, 20] is above 0
+and at most 20.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ Values = Mapping[str, float | int]  # both: run-time checks of types do not take
 
 @dataclass(frozen=True)
 class Interval:
-    """The values that a parameter may have, from `low` to `high`; `above`: not `low` itself, `below`: not `high` itself."""
+    """The values that a parameter may have, from `low` to `high`; `above`: not `low` itself, `below`: not
+    `high` itself.
+    """
 
     low: float = -math.inf
     high: float = math.inf
@@ -55,7 +58,9 @@ ANY = Interval()
 
 @dataclass(frozen=True)
 class TemplateParameter:
-    """One `$name` of a template: its default, in words with units its meaning, and which values make sense."""
+    """One `$name` of a template: its default, in words with units its meaning, and which values make
+    sense.
+    """
 
     name: str
     default: float
@@ -95,7 +100,10 @@ def _declaration(text: str, where: Location) -> TemplateParameter:
     match = _DECLARATION.fullmatch(text)
     if match is None:
         raise SceneError(
-            'a template parameter is declared as: #$ name 0.01 "unit: meaning", or #$ name 0.01 in (0, 10] "unit: meaning"',
+            (
+                'a template parameter is declared as: #$ name 0.01 "unit: meaning", or #$ name 0.01 in (0, 10] '  # noqa: E501
+                '"unit: meaning"'
+            ),
             where,
         )
     name, number, left, low, high, right, meaning = match.groups()
@@ -126,11 +134,15 @@ class Bindings:
             raise PenumbraError(f"parameter {name} = {value}: a finite number is needed")
         declared = next(parameter for parameter in self._declared if parameter.name == name)
         if value not in declared.interval:
-            raise PenumbraError(f"parameter {name} = {value:g}: it must be {declared.interval} ({declared.meaning})")
+            raise PenumbraError(
+                f"parameter {name} = {value:g}: it must be {declared.interval} ({declared.meaning})"
+            )
         self.values[name] = float(value)
 
     def number(self, token: Token) -> float:
-        """The finite number that a word stands for, itself a number or `$name`; SceneError at the word otherwise."""
+        """The finite number that a word stands for, itself a number or `$name`; SceneError at the word
+        otherwise.
+        """
         if token.kind == "word" and token.text.startswith("$"):
             return self._substitute(token)
         if token.kind != "word" or NUMBER.fullmatch(token.text) is None:
@@ -145,7 +157,8 @@ class Bindings:
         if name not in self.values:
             names = ", ".join(f"${known}" for known in self.values) or "none"
             raise SceneError(
-                f"{token.text} is not declared in the header of the scene file; declared: {names}", token.where
+                f"{token.text} is not declared in the header of the scene file; declared: {names}",
+                token.where,
             )
         self._used.add(name)
         return self.values[name]

@@ -1,10 +1,12 @@
-"""A `SceneDescription` as real pbrt-v4 text: one file, and its images beside it, that pbrt-v4 renders to the same image.
+"""A `SceneDescription` as real pbrt-v4 text: one file, and its images beside it, that pbrt-v4 renders to the
+same image.
 
-Numbers are written so that reading them gives the same float64, and transformations so that no rounding enters
-(a rotation is inverted by transposition, and translations stand apart from it). What is read back is therefore
-bitwise the description that was written, with the same `content_hash`; images go through float32, which those of
-EXR files are. A camera whose axes are farther from orthonormal than `transforms.ROUNDING` cannot come from a scene
-file and is refused. What pbrt-v4 lacks is written in our own words, under a comment that says so.
+Numbers are written so that reading them gives the same float64, and transformations so that no rounding
+enters (a rotation is inverted by transposition, and translations stand apart from it). What is read back is
+therefore bitwise the description that was written, with the same `content_hash`; images go through float32,
+which those of EXR files are. A camera whose axes are farther from orthonormal than `transforms.ROUNDING`
+cannot come from a scene file and is refused. What pbrt-v4 lacks is written in our own words, under a comment
+that says so.
 """
 
 from __future__ import annotations
@@ -13,34 +15,25 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scenes.description import (
-    Array,
-    Disk,
-    DistantLight,
-    Environment,
-    Film,
-    Geometry,
-    Light,
-    PerspectiveCamera,
-    PointLight,
-    RenderDefaults,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-    TriangleMesh,
-)
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, SceneDescription
+from scenes.description.shapes import Array, Disk, Geometry, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light, scaled_image
 from scenes.pbrt.write.text import block, check_orthonormal, comment, matrix, numbers, quoted, rotation
 
 AMBIENT = "ambient-occlusion"
-SIMPLE_PATH = {"bsdf": "true", "hemisphere": "false"}  # estimators that pbrt's `simplepath` has, by its `samplebsdf`
+SIMPLE_PATH = {
+    "bsdf": "true",
+    "hemisphere": "false",
+}  # estimators that pbrt's `simplepath` has, by its `samplebsdf`
 
 
 @dataclass(frozen=True, eq=False)
 class ExportedScene:
-    """text: the scene. images: (h, w, 3) float64 by the file names that it gives, to be written as float32. notes: what a user should know."""
+    """text: the scene. images: (h, w, 3) float64 by the file names that it gives, to be written as float32.
+    notes: what a user should know.
+    """
 
     text: str
     images: dict[str, Array] = field(default_factory=dict[str, Array])
@@ -89,15 +82,20 @@ def _attribute(lines: list[str]) -> list[str]:
 def _notes(scene: SceneDescription, files: SideFiles) -> tuple[str, ...]:
     notes: list[str] = []
     if any(isinstance(light, Environment) and _is_ours(light) for light in scene.lights):
-        notes.append("pbrt-v4 itself will refuse this file: an infinite light has parameters that are Penumbra's own")
+        notes.append(
+            "pbrt-v4 itself will refuse this file: an infinite light has parameters that are Penumbra's own"
+        )
     if np.isfinite(scene.occlusion_distance) and scene.defaults.estimator != AMBIENT:
         notes.append(
-            f"the occlusion distance, {scene.occlusion_distance:g}, is left out: pbrt has one for ambient occlusion only"
+            f"the occlusion distance, {scene.occlusion_distance:g}, is left out: pbrt has one for ambient "
+            "occlusion only"
         )
     if files.rounded:
         notes.append("images are rounded to float32")
     if files.uneven:
-        notes.append("textures have sides that are no powers of two; whoever reads the file resizes them, as pbrt does")
+        notes.append(
+            "textures have sides that are no powers of two; whoever reads the file resizes them, as pbrt does"
+        )
     return tuple(notes)
 
 
@@ -122,13 +120,20 @@ def _film(film: Film, name: str) -> list[str]:
     return [
         f'Film "rgb" "integer xresolution" [ {film.width} ] "integer yresolution" [ {film.height} ]'
         f' "string filename" [ {quoted(filename)} ] "bool savefp16" [ false ]',
-        f'PixelFilter "{chosen.kind}" "float xradius" [ {chosen.xradius!r} ] "float yradius" [ {chosen.yradius!r} ]{sigma}',
+        (
+            f'PixelFilter "{chosen.kind}" "float xradius" [ {chosen.xradius!r} ] "float yradius" [ '
+            f"{chosen.yradius!r} ]{sigma}"
+        ),
     ]
 
 
 def _written(scene: SceneDescription) -> RenderDefaults:
-    """The defaults that the text can tell: without light sampling pbrt would lose the lights that no direction finds."""
-    lost = scene.defaults.estimator in SIMPLE_PATH and any(not isinstance(light, Environment) for light in scene.lights)
+    """The defaults that the text can tell: without light sampling pbrt would lose the lights that no
+    direction finds.
+    """
+    lost = scene.defaults.estimator in SIMPLE_PATH and any(
+        not isinstance(light, Environment) for light in scene.lights
+    )
     return replace(scene.defaults, estimator=None) if lost else scene.defaults
 
 
@@ -146,10 +151,15 @@ def _sampling(defaults: RenderDefaults, occlusion_distance: float) -> list[str]:
 def _integrator(defaults: RenderDefaults, occlusion_distance: float) -> str:
     if defaults.estimator == AMBIENT:
         ends = np.isfinite(occlusion_distance)
-        return 'Integrator "ambientocclusion"' + (f' "float maxdistance" [ {occlusion_distance!r} ]' if ends else "")
+        return 'Integrator "ambientocclusion"' + (
+            f' "float maxdistance" [ {occlusion_distance!r} ]' if ends else ""
+        )
     if defaults.estimator in SIMPLE_PATH:
         brdf = SIMPLE_PATH[defaults.estimator]
-        return f'Integrator "simplepath" "integer maxdepth" [ 1 ] "bool samplelights" [ false ] "bool samplebsdf" [ {brdf} ]'
+        return (
+            'Integrator "simplepath" "integer maxdepth" [ 1 ] "bool samplelights" [ false ] "bool '
+            f'samplebsdf" [ {brdf} ]'
+        )
     return 'Integrator "path" "integer maxdepth" [ 1 ]'
 
 
@@ -157,11 +167,15 @@ def _light(light: Light, files: SideFiles) -> list[str]:
     match light:
         case PointLight():
             return [
-                f'LightSource "point" "point3 from" [ {numbers(light.position)} ] "rgb I" [ {numbers(light.intensity)} ]'
+                (
+                    f'LightSource "point" "point3 from" [ {numbers(light.position)} ] "rgb I" [ '
+                    f"{numbers(light.intensity)} ]"
+                )
             ]
         case SpotLight():
             cone = (
-                f'"float coneangle" [ {light.cone!r} ] "float conedeltaangle" [ {light.cone - light.falloff_start!r} ]'
+                f'"float coneangle" [ {light.cone!r} ] "float conedeltaangle" [ '
+                f"{light.cone - light.falloff_start!r} ]"
             )
             aim = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.axis)} ]'
             place = f"Translate {numbers(light.position)}"
@@ -216,7 +230,9 @@ def _sphere_frame(sphere: Sphere) -> list[str]:
 
 
 def _disk_frame(disk: Disk, emits: bool) -> list[str]:
-    """The transformation to the disk, its normal to the bit: of its own frame, or of a right-handed one whose third axis is the normal."""
+    """The transformation to the disk, its normal to the bit: of its own frame, or of a right-handed one whose
+    third axis is the normal.
+    """
     place = f"Translate {numbers(disk.center)}"
     if disk.frame is not None:
         against = float(disk.frame[:, 2] @ disk.normal) < 0

@@ -4,18 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.description import (
-    Array,
-    Checkerboard,
-    Conductor,
-    Emission,
-    ImageTexture,
-    Material,
-    Mix,
-    Product,
-    Texture,
-    UVMapping,
-)
+from scenes.description.materials import Conductor, Material
+from scenes.description.shapes import Array, Emission
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import PenumbraError
 from scenes.pbrt.write.text import numbers, quoted
 
@@ -54,7 +45,10 @@ class Surfaces:
         if isinstance(material, Conductor):
             optical = f'"rgb eta" [ {numbers(material.eta)} ] "rgb k" [ {numbers(material.k)} ]'
             return [
-                f'Material "conductor" {optical} "float roughness" [ {material.alpha!r} ] "bool remaproughness" [ false ]'
+                (
+                    f'Material "conductor" {optical} "float roughness" [ {material.alpha!r} ] "bool '
+                    'remaproughness" [ false ]'
+                )
             ]
         lines: list[str] = []
         part = self._part("spectrum", "reflectance", material.reflectance, lines)
@@ -85,7 +79,10 @@ class Surfaces:
                 _check_kind(texture, type_)
                 self.files.uneven |= any(side & (side - 1) for side in texture.image.shape[:2])
                 look = f'"string filter" "{texture.filter}" "string wrap" "{texture.wrap}"'
-                return f'"imagemap" "string filename" {self.files.add(texture.image)} {look}{_value(texture)}{_mapping(texture.mapping)}'
+                return (
+                    f'"imagemap" "string filename" {self.files.add(texture.image)} '
+                    f"{look}{_value(texture)}{_mapping(texture.mapping)}"
+                )
             case Checkerboard():
                 parts = self._parts({"tex1": (type_, texture.first), "tex2": (type_, texture.second)}, lines)
                 return f'"checkerboard" {parts}{_mapping(texture.mapping)}'
@@ -98,7 +95,8 @@ class Surfaces:
                 return f'"mix" {self._parts(named, lines)}'
             case Product():
                 return (
-                    f'"scale" {self._parts({"tex": (type_, texture.first), "scale": ("float", texture.second)}, lines)}'
+                    '"scale" '
+                    f"{self._parts({'tex': (type_, texture.first), 'scale': ('float', texture.second)}, lines)}"  # noqa: E501
                 )
             case Mix():
                 named = {
@@ -115,10 +113,16 @@ class Surfaces:
 
 
 def _folded(product: Product, type_: str) -> tuple[ImageTexture, Array] | None:
-    """The image and the factor of what pbrt makes one image of, scaling it before it is inverted and bounded; None for others."""
+    """The image and the factor of what pbrt makes one image of, scaling it before it is inverted and bounded;
+    None for others.
+    """
     if isinstance(product.first, ImageTexture) and isinstance(product.second, np.ndarray):
         return product.first, product.second
-    if type_ == "float" and isinstance(product.second, ImageTexture) and isinstance(product.first, np.ndarray):
+    if (
+        type_ == "float"
+        and isinstance(product.second, ImageTexture)
+        and isinstance(product.first, np.ndarray)
+    ):
         return product.second, product.first
     return None
 
@@ -126,14 +130,17 @@ def _folded(product: Product, type_: str) -> tuple[ImageTexture, Array] | None:
 def _check_gray(values: Array) -> None:
     if np.any(values != values[..., :1]):
         raise PenumbraError(
-            "a texture is multiplied or mixed by colours; pbrt does so by numbers, so that there is no text for it"
+            "a texture is multiplied or mixed by colours; pbrt does so by numbers, so that there is no "
+            "text for it"
         )
 
 
 def _check_kind(texture: ImageTexture, type_: str) -> None:
     """pbrt bounds colours by 1 and numbers not."""
     if texture.clamped != (type_ == "spectrum") and texture.value(texture.image).max(initial=0.0) > 1:
-        raise PenumbraError(f"an image texture exceeds 1 or is cut off there as no {type_} texture of pbrt's is")
+        raise PenumbraError(
+            f"an image texture exceeds 1 or is cut off there as no {type_} texture of pbrt's is"
+        )
 
 
 def _value(texture: ImageTexture) -> str:
@@ -148,7 +155,9 @@ def _mapping(mapping: UVMapping) -> str:
         "udelta": (mapping.du, 0.0),
         "vdelta": (mapping.dv, 0.0),
     }
-    return "".join(f' "float {name}" [ {value!r} ]' for name, (value, default) in named.items() if value != default)
+    return "".join(
+        f' "float {name}" [ {value!r} ]' for name, (value, default) in named.items() if value != default
+    )
 
 
 def area_light(emission: Emission, files: SideFiles) -> str:
@@ -161,7 +170,9 @@ def area_light(emission: Emission, files: SideFiles) -> str:
 
 
 def scaled_image(image: Array, radiance: Array, files: SideFiles) -> tuple[str, str]:
-    """The file and ` "float scale"` of an image that is multiplied by `radiance` (3,); pbrt scales by a number only, and a colour goes into the image."""
+    """The file and ` "float scale"` of an image that is multiplied by `radiance` (3,); pbrt scales by a
+    number only, and a colour goes into the image.
+    """
     if np.all(radiance == radiance[0]):
         return files.add(image), f' "float scale" [ {float(radiance[0])!r} ]'
     return files.add(image * radiance), ""

@@ -46,12 +46,16 @@ def matrix(directive: str, linear: Array) -> str:
 
 
 def rotation(linear: Array, what: str) -> str:
-    """`ConcatTransform` of orthonormal axes, which are read back to the bit; PenumbraError naming `what` where they are not."""
+    """`ConcatTransform` of orthonormal axes, which are read back to the bit; PenumbraError naming `what`
+    where they are not.
+    """
     check_orthonormal(linear, what)
     return matrix("ConcatTransform", linear)
 
 
 def check_orthonormal(linear: Array, what: str) -> None:
-    """PenumbraError unless the columns are orthonormal up to rounding, as those of every scene file are made."""
+    """PenumbraError unless the columns are orthonormal up to rounding, as those of every scene file are
+    made.
+    """
     if np.abs(linear.T @ linear - np.eye(3)).max() > ROUNDING:
         raise PenumbraError(f"{what} axes are not orthonormal: there is no exact pbrt text for them")

@@ -1,7 +1,8 @@
 """The rasterised baseline against closed forms: what is drawn is exactly what its lights without size send.
 
-One picture has a light to each colour channel, so that a channel that is wrong names its light. The thresholds are for float32:
-no sum here has more than some tens of roundings of 6e-8, and none of these biases is below 1e-3.
+One picture has a light to each colour channel, so that a channel that is wrong names its light. The
+thresholds are for float32: no sum here has more than some tens of roundings of 6e-8, and none of these biases
+is below 1e-3.
 """
 
 from __future__ import annotations
@@ -19,23 +20,10 @@ from pipeline.baseline.process import Raster, rasterise
 from pipeline.baseline.scene import refuses
 from renderer import render
 from scenes import PenumbraError, SceneDescription, load
-from scenes.description import (
-    Array,
-    BilinearMesh,
-    Conductor,
-    Diffuse,
-    Disk,
-    DistantLight,
-    Emission,
-    Environment,
-    Film,
-    Light,
-    PerspectiveCamera,
-    PointLight,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-)
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.materials import Conductor, Diffuse
+from scenes.description.scene import Film, PerspectiveCamera
+from scenes.description.shapes import Array, BilinearMesh, Disk, Emission, ShapeDescription, Sphere
 
 pytestmark = pytest.mark.opengl
 
@@ -61,16 +49,22 @@ def _scene(*shapes: ShapeDescription, lights: tuple[Light, ...] = ()) -> SceneDe
 def _lamp(side: float, two_sided: bool = False) -> ShapeDescription:
     """A disk ahead of the camera that turns its emitting side to it, or its back."""
     ahead = LOOK[:3, 2] * 2 + LOOK[:3, 3]
-    return ShapeDescription(Disk(ahead, -side * LOOK[:3, 2], 0.2), BLACK, Emission(np.full(3, 1e6), two_sided))
+    return ShapeDescription(
+        Disk(ahead, -side * LOOK[:3, 2], 0.2), BLACK, Emission(np.full(3, 1e6), two_sided)
+    )
 
 
 def _enlarged(scene: SceneDescription) -> SceneDescription:
-    """The point-lit floor a million times as large and far from the origin, its light's power scaled by the square."""
+    """The point-lit floor a million times as large and far from the origin, its light's power scaled by the
+    square.
+    """
     camera = LOOK.copy()
     camera[:3, 3] = LOOK[:3, 3] * LARGE + SHIFT
     floor = replace(FLOOR, geometry=BilinearMesh(PATCH * LARGE + SHIFT, np.array([[0, 1, 2, 3]])))
     lights = (PointLight(PLACE * LARGE + SHIFT, 7 * LARGE**2 * np.ones(3)),)
-    return replace(scene, camera=replace(scene.camera, camera_to_world=camera), shapes=(floor,), lights=lights)
+    return replace(
+        scene, camera=replace(scene.camera, camera_to_world=camera), shapes=(floor,), lights=lights
+    )
 
 
 def _scenes() -> dict[str, SceneDescription]:
@@ -131,7 +125,9 @@ def _compare(image: Array, expected: Array) -> None:
 
 
 def test_points_spots_and_distant_lights() -> None:
-    """Red a point, green a spot in whose falloff the whole picture lies, blue a distant light: albedo / pi times each irradiance."""
+    """Red a point, green a spot in whose falloff the whole picture lies, blue a distant light: albedo / pi
+    times each irradiance.
+    """
     p = _points(_scenes()["points"])
     _, square, cosine = _from(PLACE, p)
     spot, spot_square, spot_cosine = _from(HIGH, p)
@@ -143,7 +139,9 @@ def test_points_spots_and_distant_lights() -> None:
 
 
 def test_lights_with_a_size_and_environments() -> None:
-    """Red a sphere, green a tilted disk as a point that falls off with the cosine, blue a constant environment."""
+    """Red a sphere, green a tilted disk as a point that falls off with the cosine, blue a constant
+    environment.
+    """
     p = _points(_scenes()["sized"])
     _, square, cosine = _from(CENTER, p)
     wi, far, lambert = _from(MIDDLE, p)
@@ -155,7 +153,9 @@ def test_lights_with_a_size_and_environments() -> None:
 
 
 def test_what_is_seen_directly() -> None:
-    """A light shows its radiance on its emitting side alone, however bright; where nothing is, the environment shows."""
+    """A light shows its radiance on its emitting side alone, however bright; where nothing is, the
+    environment shows.
+    """
     images = [_drawn()[name].image for name in ("front", "back", "both")]
     assert np.allclose([image[11, 19] for image in images], [[1e6] * 3, [0.0] * 3, [1e6] * 3], rtol=ROUNDING)
     assert np.allclose([image[0, 0] for image in images], [0.1, 0.2, 0.3], rtol=ROUNDING)
@@ -175,7 +175,9 @@ def test_scale_and_place_change_nothing() -> None:
 
 
 def test_library_scene_is_near_what_its_light_sends() -> None:
-    """A sphere is a point exactly but for shadows: most of the picture agrees with a render's image to a hundredth."""
+    """A sphere is a point exactly but for shadows: most of the picture agrees with a render's image to a
+    hundredth.
+    """
     ours = render(_scenes()["library"], estimator="solid-angle", spp=64).image
     off = np.abs(_drawn()["library"].image / np.where(ours > 0, ours, np.inf) - 1).max(axis=-1)
     print(f"median {np.median(off):.4f}, {100 * (off < 0.02).mean():.1f} % within 2 %")

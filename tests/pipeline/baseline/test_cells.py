@@ -21,7 +21,9 @@ from scenes.errors import PenumbraError
 from scenes.images.exr import read_exr
 from tests.kit.fakes import TINY, TINY_CELLS, FakeBackend, InlineExecutor, Recorder
 
-ASKED = TINY.replace('metrics = ["mse", "nonfinite"]', 'metrics = ["mse", "nonfinite"]\nbaseline = "pyrender"')
+ASKED = TINY.replace(
+    'metrics = ["mse", "nonfinite"]', 'metrics = ["mse", "nonfinite"]\nbaseline = "pyrender"'
+)
 
 
 @pytest.fixture(autouse=True)
@@ -96,7 +98,19 @@ def test_no_estimator_has_its_name() -> None:
 def test_the_command_writes_image_and_depth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "drawn.exr"
     with pytest.raises(SystemExit) as stopped:
-        main(["baseline", "touching-light", "-o", str(path), "-D", "xresolution=24", "-D", "yresolution=18", "--json"])
+        main(
+            [
+                "baseline",
+                "touching-light",
+                "-o",
+                str(path),
+                "-D",
+                "xresolution=24",
+                "-D",
+                "yresolution=18",
+                "--json",
+            ]
+        )
     assert not stopped.value.code
     told = json.loads(capsys.readouterr().out)
     channels = read_exr(path).channels

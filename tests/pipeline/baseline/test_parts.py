@@ -1,4 +1,6 @@
-"""What the rasterised baseline is made of, before anything is drawn: lamps, surroundings, triangles and mean colours, in closed form."""
+"""What the rasterised baseline is made of, before anything is drawn: lamps, surroundings, triangles and mean
+colours, in closed form.
+"""
 
 from __future__ import annotations
 
@@ -10,21 +12,19 @@ import pytest
 from pipeline.baseline.lights import ambient, of_shape
 from pipeline.baseline.scene import convert
 from pipeline.baseline.surfaces import View, mean_emission, surface, tessellate
-from scenes.description import (
+from scenes.description.lights import Environment
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import (
     Array,
     BilinearMesh,
-    Diffuse,
     Disk,
     Emission,
-    Environment,
-    Film,
     Geometry,
-    Mix,
-    PerspectiveCamera,
-    SceneDescription,
     ShapeDescription,
     TriangleMesh,
 )
+from scenes.description.textures import Mix
 
 BLACK = Diffuse(np.zeros(3))
 L = np.array([3.0, 2.0, 0.5])
@@ -40,9 +40,11 @@ TWO = np.stack([np.tile(NORTH, (2, 1)), np.tile(SOUTH, (2, 1))])  # (2, 2, 3) by
 
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_a_disk_is_a_flat_lamp_on_each_side_that_emits(two_sided: bool) -> None:
-    """Both of a two-sided disk's lamps are at its middle, with all its power L A each: one shines along the normal, one against it.
+    """Both of a two-sided disk's lamps are at its middle, with all its power L A each: one shines along the
+    normal, one against it.
 
-    The area is that of a polygon of 512 sides, 2.5e-5 less. A back that is left out leaves half the scene dark.
+    The area is that of a polygon of 512 sides, 2.5e-5 less. A back that is left out leaves half the scene
+    dark.
     """
     shape = ShapeDescription(Disk(CENTER, NORMAL, RADIUS), BLACK, Emission(L, two_sided))
     lamps = list(of_shape(shape, VIEW))
@@ -55,7 +57,9 @@ def test_a_disk_is_a_flat_lamp_on_each_side_that_emits(two_sided: bool) -> None:
 
 @pytest.mark.parametrize("hemisphere", [False, True])
 def test_the_surroundings_of_a_constant_environment_are_its_radiance(hemisphere: bool) -> None:
-    """Over the directions that it comes from; a hemisphere's mean over the whole sphere would be half of it."""
+    """Over the directions that it comes from; a hemisphere's mean over the whole sphere would be half of
+    it.
+    """
     assert np.allclose(ambient(Environment(L, hemisphere=hemisphere)), L, rtol=1e-12)
 
 
@@ -68,11 +72,14 @@ def test_a_hemisphere_s_mean_is_that_of_its_own_half() -> None:
 
 @pytest.mark.parametrize("hemisphere", [False, True])
 def test_the_background_turns_with_the_environment_s_frame(hemisphere: bool) -> None:
-    """Own +z is the world's +x, the camera's right: the right half is north. With the frame left out all is north, ahead
+    """Own +z is the world's +x, the camera's right: the right half is north. With the frame left out all is
+    north, ahead
     of the camera; with its transpose the upper half is."""
     frame = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     sky = Environment(L, TWO, "latitude-longitude", frame, hemisphere)
-    seen = convert(SceneDescription("sky", PerspectiveCamera(np.eye(4), 70.0), Film(12, 8), (), (sky,))).background
+    seen = convert(
+        SceneDescription("sky", PerspectiveCamera(np.eye(4), 70.0), Film(12, 8), (), (sky,))
+    ).background
     left = np.zeros(3) if hemisphere else L * SOUTH
     assert np.allclose(seen[:, :6], left, rtol=1e-12) and np.allclose(seen[:, 6:], L * NORTH, rtol=1e-12)
 
@@ -81,7 +88,9 @@ def test_the_background_turns_with_the_environment_s_frame(hemisphere: bool) -> 
 def test_a_reversed_mesh_has_its_normals_turned(mesh: BilinearMesh | TriangleMesh) -> None:
     for reverse, z in ((False, 1.0), (True, -1.0)):
         corners, normals = tessellate(replace(mesh, reverse=reverse))
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        area = (
+            np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        )
         assert area.sum() == pytest.approx(4.0, rel=1e-12)
         assert np.array_equal(normals, np.broadcast_to([0.0, 0.0, z], corners.shape))
 

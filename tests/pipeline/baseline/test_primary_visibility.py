@@ -1,8 +1,10 @@
-"""What the camera sees, by pyrender's depth buffer: another camera, another projection, triangles drawn instead of rays traced.
+"""What the camera sees, by pyrender's depth buffer: another camera, another projection, triangles drawn
+instead of rays traced.
 
-Ours is the distance that a probe in the place of an estimator is told of, through `render` as it is: camera, intersection, chunks.
-Off silhouettes the two depths may differ by what the depth buffer can hold, by the grid that OpenGL moves corners to, and by the sag
-of the triangles that stand for a sphere; `_tolerance` derives each.
+Ours is the distance that a probe in the place of an estimator is told of, through `render` as it is: camera,
+intersection, chunks. Off silhouettes the two depths may differ by what the depth buffer can hold, by the grid
+that OpenGL moves corners to, and by the sag of the triangles that stand for a sphere; `_tolerance` derives
+each.
 """
 
 from __future__ import annotations
@@ -24,13 +26,16 @@ from renderer.math.vectors import Floats, dot
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from scenes import SceneDescription, library, load
-from scenes.description import PerspectiveCamera, PixelFilter, Sphere
+from scenes.description.scene import PerspectiveCamera, PixelFilter
+from scenes.description.shapes import Sphere
 
 pytestmark = pytest.mark.opengl
 
 NAMES = [found.name for found in library()]
 HEAVY = {"forest": pytest.mark.slow}  # a million triangles: half a minute
-SILHOUETTE = 0.05  # of the depth: where neighbours differ by more, an edge may lie on either side of a pixel's middle
+SILHOUETTE = (
+    0.05  # of the depth: where neighbours differ by more, an edge may lie on either side of a pixel's middle
+)
 AGREE = 0.999
 # OpenGL rounds corners to a grid of at least 2^-4 pixel, llvmpipe to 2^-8; edges and planes move by as much.
 SUBPIXEL = 2.0**-8
@@ -98,9 +103,11 @@ def _smooth(*depths: Floats) -> Mask:
 def _tolerance(raster: Raster, scene: SceneDescription, depth: Floats) -> Floats:
     """What the depths may differ by.
 
-    The buffer holds d = f (z - n) / (z (f - n)) as a float below 1, and it is computed in float32 from coordinates that were:
-    a few roundings of 2^-24, each worth dz = 2^-24 z^2 (f - n) / (f n). Four are allowed for. A corner off by SUBPIXEL moves
-    the depth by as much of the step to the next pixel. A sphere's triangles lie up to SPHERE_SAG r below it; at 75 degrees from the normal that is four times as far along the view.
+    The buffer holds d = f (z - n) / (z (f - n)) as a float below 1, and it is computed in float32 from
+    coordinates that were: a few roundings of 2^-24, each worth dz = 2^-24 z^2 (f - n) / (f n). Four are
+    allowed for. A corner off by SUBPIXEL moves the depth by as much of the step to the next pixel. A sphere's
+    triangles lie up to SPHERE_SAG r below it; at 75 degrees from the normal that is four times as far along
+    the view.
     """
     n, f = raster.near, raster.far
     buffer = 4 * 2.0**-24 * depth**2 * (f - n) / (f * n)
@@ -126,12 +133,17 @@ def _drawn(heavy: bool) -> dict[str, tuple[SceneDescription, Raster]]:
     """Every scene of the library that has shapes, and its picture; one process draws them all."""
     scenes = {name: load(name) for name in NAMES if (name in HEAVY) == heavy}
     scenes = {name: scene for name, scene in scenes.items() if scene.shapes}
-    return {name: (scenes[name], raster) for name, raster in zip(scenes, rasterise([*scenes.values()]), strict=True)}
+    return {
+        name: (scenes[name], raster)
+        for name, raster in zip(scenes, rasterise([*scenes.values()]), strict=True)
+    }
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=HEAVY.get(name, ())) for name in NAMES])
 def test_primary_rays_see_what_a_rasteriser_draws(name: str) -> None:
-    """A camera half a pixel off or mirrored, or a field of view 1 % wrong, is seen: `_planted` shows it for every scene."""
+    """A camera half a pixel off or mirrored, or a field of view 1 % wrong, is seen: `_planted` shows it for
+    every scene.
+    """
     drawn = _drawn(name in HEAVY)
     if name not in drawn:
         return  # no shapes, no visibility

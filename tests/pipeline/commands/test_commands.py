@@ -23,7 +23,7 @@ from scenes.pbrt.parser import parse
 ROOT = Path(__file__).parents[3]
 SMALL = ["-D", "xresolution=24", "-D", "yresolution=18"]
 COMMANDS = (
-    "demo", "run", "report", "render", "reference", "baseline", "compare", "verify", "explain", "export", "ladder", "agreement", "preview", "width", "benchmark", "list", "doctor",
+    "demo", "run", "report", "render", "reference", "baseline", "compare", "verify", "explain", "export", "ladder", "agreement", "preview", "width", "benchmark", "list", "doctor",  # noqa: E501
 )  # fmt: skip
 
 Answer = tuple[int, str, str]
@@ -125,7 +125,9 @@ def test_quiet_says_nothing_on_stderr(penumbra: Penumbra, tmp_path: Path) -> Non
 
 def test_a_picture_that_is_not_pbrts_is_told_of(penumbra: Penumbra, tmp_path: Path) -> None:
     scene = tmp_path / "plain.pbrt"
-    scene.write_text('Film "rgb" "integer xresolution" 8 "integer yresolution" 6 WorldBegin LightSource "infinite"')
+    scene.write_text(
+        'Film "rgb" "integer xresolution" 8 "integer yresolution" 6 WorldBegin LightSource "infinite"'
+    )
     assert "the file has no Integrator" in penumbra("render", scene, "-o", tmp_path / "a.exr")[2]
     assert penumbra("render", scene, "-o", tmp_path / "a.exr", "--quiet")[2] == ""
     scene.write_text('Integrator "path" "integer maxdepth" 1\n' + scene.read_text())
@@ -133,7 +135,16 @@ def test_a_picture_that_is_not_pbrts_is_told_of(penumbra: Penumbra, tmp_path: Pa
 
 
 def test_no_color_is_respected(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pipeline.cli", "render", "touching-light", "-o", str(tmp_path / "a.exr"), *SMALL]
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline.cli",
+        "render",
+        "touching-light",
+        "-o",
+        str(tmp_path / "a.exr"),
+        *SMALL,
+    ]
     for variables, coloured in (({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False), ({"FORCE_COLOR": "1"}, True)):
         environment = {**os.environ, "TERM": "xterm-256color", **variables}
         done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
@@ -143,8 +154,22 @@ def test_no_color_is_respected(tmp_path: Path) -> None:
 def test_reference_by_closed_form_agrees_with_a_render(penumbra: Penumbra, tmp_path: Path) -> None:
     out, exact = tmp_path / "out.exr", tmp_path / "exact.exr"
     gap = ["-D", "gap=1"]
-    answer(penumbra, "render", "touching-light", "-o", out, *SMALL, *gap, "--estimator", "solid-angle", "--spp", "256")
-    told = answer(penumbra, "reference", "touching-light", "-o", exact, *SMALL, *gap, "--backend", "closed-form")
+    answer(
+        penumbra,
+        "render",
+        "touching-light",
+        "-o",
+        out,
+        *SMALL,
+        *gap,
+        "--estimator",
+        "solid-angle",
+        "--spp",
+        "256",
+    )
+    told = answer(
+        penumbra, "reference", "touching-light", "-o", exact, *SMALL, *gap, "--backend", "closed-form"
+    )
     assert told["batches"] == 0
     assert told["rms_standard_error"] < 1e-6
     stored, truth = read_estimate_exr(out), read_estimate_exr(exact)
@@ -205,7 +230,9 @@ def test_explain_measures_and_proves_the_image_the_same(penumbra: Penumbra) -> N
     idle = {effect["pruning"] for effect in told["effects"] if not effect["needed"]}
     assert set(told["measured"]) == {*idle, "all of it"}
     assert all(item["same_image"] for item in told["measured"].values())
-    assert all(item["cpu_seconds_left_out"] > 0 < item["cpu_seconds_simulated"] for item in told["measured"].values())
+    assert all(
+        item["cpu_seconds_left_out"] > 0 < item["cpu_seconds_simulated"] for item in told["measured"].values()
+    )
 
 
 def images(tmp_path: Path, shift: float) -> tuple[Path, Path]:
@@ -223,7 +250,9 @@ def test_compare_scores_by_every_metric(penumbra: Penumbra, tmp_path: Path) -> N
     assert scores["rmse"]["value"] == pytest.approx(0.1, rel=1e-4)
 
 
-@pytest.mark.parametrize(("limit", "code"), [("mse=0.02", 0), ("mse=0.005", 1), ("ssim=0.999999", 1), ("ssim=0.1", 0)])
+@pytest.mark.parametrize(
+    ("limit", "code"), [("mse=0.02", 0), ("mse=0.005", 1), ("ssim=0.999999", 1), ("ssim=0.1", 0)]
+)
 def test_compare_fails_beyond_a_limit(penumbra: Penumbra, tmp_path: Path, limit: str, code: int) -> None:
     got, _, err = penumbra("compare", *images(tmp_path, 0.1), "--limit", limit, "--metric", "mse")
     assert got == code

@@ -31,7 +31,9 @@ def test_a_part_that_gives_wrong_answers_does_not_work(monkeypatch: pytest.Monke
     import scenes.images.exr
 
     real = scenes.images.exr.write_exr
-    monkeypatch.setattr(scenes.images.exr, "write_exr", lambda path, channels: real(path, {"R": channels["R"] * 2}))
+    monkeypatch.setattr(
+        scenes.images.exr, "write_exr", lambda path, channels: real(path, {"R": channels["R"] * 2})
+    )
     (part,) = doctor.images()
     assert (part.works, part.detail) == (False, "an EXR is not read back as written")
 
@@ -62,7 +64,9 @@ def test_no_browser_and_one_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path
     (none,) = doctor.browser()
     assert not none.works
     assert "install" in none.remedy
-    (tmp_path / "chromium").symlink_to("/bin/false" if Path("/bin/false").exists() else str(shutil.which("false")))
+    (tmp_path / "chromium").symlink_to(
+        "/bin/false" if Path("/bin/false").exists() else str(shutil.which("false"))
+    )
     (failing,) = doctor.browser()
     assert not failing.works
     assert "ended with code 1" in failing.detail

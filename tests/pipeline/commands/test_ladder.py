@@ -1,4 +1,6 @@
-"""`penumbra ladder` on the command line: rows of JSON that say what the issue of each rung is, and wrong use."""
+"""`penumbra ladder` on the command line: rows of JSON that say what the issue of each rung is, and wrong
+use.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,19 @@ import pytest
 
 from pipeline.cli import main
 
-KEYS = {"light", "geometry", "estimator", "h", "truth", "mean", "se", "max_share", "hill", "nonfinite", "verdict"}
+KEYS = {
+    "light",
+    "geometry",
+    "estimator",
+    "h",
+    "truth",
+    "mean",
+    "se",
+    "max_share",
+    "hill",
+    "nonfinite",
+    "verdict",
+}
 
 
 def test_json_is_a_list_of_rows_and_nothing_else(capsys):
@@ -27,11 +41,15 @@ def test_json_is_a_list_of_rows_and_nothing_else(capsys):
         refused = row["verdict"] == "refused"
         assert all(x is None if refused else isinstance(x, float) and math.isfinite(x) for x in numbers), row
         assert row["hill"] is None or math.isfinite(row["hill"])
-    assert {row["verdict"] for row in rows if row["estimator"] == "area" and row["h"] < 1e-3} == {"untrustworthy"}
+    assert {row["verdict"] for row in rows if row["estimator"] == "area" and row["h"] < 1e-3} == {
+        "untrustworthy"
+    }
 
 
 def test_an_unknown_light_is_told(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["ladder", "--light", "cube"])
     assert stop.value.code == 2
-    assert "no ladder for light 'cube'; there are: rectangle, disk, sphere, triangle" in capsys.readouterr().err
+    assert (
+        "no ladder for light 'cube'; there are: rectangle, disk, sphere, triangle" in capsys.readouterr().err
+    )

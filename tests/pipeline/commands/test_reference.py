@@ -98,7 +98,9 @@ def test_copies_are_what_is_stored(penumbra: Penumbra, tmp_path: Path) -> None:
     assert told["relative_standard_error"]["p99"] < 1e-6
 
 
-def test_an_edited_scene_mesh_or_texture_is_never_served_a_stale_image(penumbra: Penumbra, tmp_path: Path) -> None:
+def test_an_edited_scene_mesh_or_texture_is_never_served_a_stale_image(
+    penumbra: Penumbra, tmp_path: Path
+) -> None:
     scene, mesh, texture = tmp_path / "a.pbrt", tmp_path / "floor.ply", tmp_path / "paint.exr"
     scene.write_text(SCENE)
     mesh.write_text(PLY.format(height=0))
@@ -152,7 +154,9 @@ def test_stopped_at_any_moment_it_goes_on(tmp_path: Path, sent: signal.Signals) 
     size = ("-D", "xresolution=64", "-D", "yresolution=48")
     command = [sys.executable, "-m", "pipeline.cli", "reference", "touching-light", *size, *OWN, "--json"]
     command += ["--spp", "2048", "--cache", str(tmp_path)]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         limit = time.monotonic() + 60
         while not list(tmp_path.glob("*.unfinished")):
             assert time.monotonic() < limit and process.poll() is None

@@ -19,17 +19,24 @@ EXACT = ("touching-light", "--reference", "closed-form", *SMALL)
 
 
 def test_compare_answers_by_every_metric(penumbra: Penumbra, tmp_path: Path) -> None:
-    """Images that others made: no variance, no samples. Each score says its unit and its direction, or why it has no value."""
+    """Images that others made: no variance, no samples.
+
+    Each score says its unit and its direction, or why it has no value.
+    """
     told = answer(penumbra, "compare", *images(tmp_path, 0.1))
     assert list(told["scores"]) == METRICS.names() == list(told["units"])
-    assert told["scores"]["bias"]["value"] == pytest.approx(0.1, rel=1e-4) and told["better"]["bias"] == "zero"
+    assert (
+        told["scores"]["bias"]["value"] == pytest.approx(0.1, rel=1e-4) and told["better"]["bias"] == "zero"
+    )
     missing = {name for name, score in told["scores"].items() if score["value"] is None}
     assert missing == {"noise", "largest-share", "umbra-leak"}
     assert all(told["scores"][name]["note"] for name in missing)
 
 
 def test_json_has_null_for_what_is_infinite_and_says_why(penumbra: Penumbra, tmp_path: Path) -> None:
-    """Equal pictures have an infinite PSNR; against a closed form, single pixels promise to catch no size of bias."""
+    """Equal pictures have an infinite PSNR; against a closed form, single pixels promise to catch no size of
+    bias.
+    """
     psnr = answer(penumbra, "compare", *[images(tmp_path, 0.0)[0]] * 2, "-m", "psnr")["scores"]["psnr"]
     assert psnr["value"] is None and "infinite" in psnr["note"]
     told = answer(penumbra, "verify", *EXACT, "--estimator", "solid-angle", "--spp", "16")
@@ -37,7 +44,9 @@ def test_json_has_null_for_what_is_infinite_and_says_why(penumbra: Penumbra, tmp
 
 
 def test_compare_takes_the_variance_from_a_file_of_its_own(penumbra: Penumbra, tmp_path: Path) -> None:
-    """A reference with noise of 0.1 a pixel, which is all that tells it from the image: taken as exact, the image's RMSE is 0.1."""
+    """A reference with noise of 0.1 a pixel, which is all that tells it from the image: taken as exact, the
+    image's RMSE is 0.1.
+    """
     rng = np.random.default_rng(71)
     truth = rng.uniform(0.5, 1.0, (48, 64, 3))
     for name, image in (
@@ -62,12 +71,16 @@ def test_compare_knows_the_samples_of_our_own_images(penumbra: Penumbra, tmp_pat
     truth = np.full((12, 16, 3), 0.5)
     write_estimate_exr(tmp_path / "a.exr", truth, np.full_like(truth, 1e-4), 16)
     write_exr(tmp_path / "b.exr", dict.fromkeys("RGB", np.full((12, 16), 0.5)), {})
-    noise = answer(penumbra, "compare", tmp_path / "a.exr", tmp_path / "b.exr", "-m", "noise")["scores"]["noise"]
+    noise = answer(penumbra, "compare", tmp_path / "a.exr", tmp_path / "b.exr", "-m", "noise")["scores"][
+        "noise"
+    ]
     assert noise["value"] == pytest.approx(0.01, rel=1e-4)
 
 
 @pytest.mark.parametrize(("limit", "code"), [("bias=0.2", 0), ("bias=0.05", 1)])
-def test_a_limit_on_the_bias_is_on_its_size(penumbra: Penumbra, tmp_path: Path, limit: str, code: int) -> None:
+def test_a_limit_on_the_bias_is_on_its_size(
+    penumbra: Penumbra, tmp_path: Path, limit: str, code: int
+) -> None:
     assert penumbra("compare", *images(tmp_path, -0.1), "-m", "bias", "--limit", limit)[0] == code
 
 
@@ -96,6 +109,18 @@ def test_verify_fails_on_a_bias(penumbra: Penumbra, tmp_path: Path, monkeypatch:
 def test_verify_is_inconclusive_without_power(
     penumbra: Penumbra, tmp_path: Path, strict: tuple[str, ...], code: int
 ) -> None:
-    line = ("verify", *EXACT, "--estimator", "area", "--spp", "2", "--bias", "1e-5", "--cache", tmp_path, *strict)
+    line = (
+        "verify",
+        *EXACT,
+        "--estimator",
+        "area",
+        "--spp",
+        "2",
+        "--bias",
+        "1e-5",
+        "--cache",
+        tmp_path,
+        *strict,
+    )
     got, out, _ = penumbra(*line)
     assert got == code and "inconclusive" in out

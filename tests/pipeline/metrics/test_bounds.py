@@ -1,4 +1,6 @@
-"""Metrics against a deterministic reference, which is off by no more than its bound: what they say holds for all that it may be."""
+"""Metrics against a deterministic reference, which is off by no more than its bound: what they say holds for
+all that it may be.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def pair(rng: np.random.Generator, share: float) -> tuple[Estimate, Reference]:
 
 
 def true_references(rng: np.random.Generator, reference: Reference, estimate: Estimate) -> list[np.ndarray]:
-    """What the reference may be: as near to the estimate as its bound allows, as far, and anything between."""
+    """What the reference may be: as near to the estimate as its bound allows, as far, and anything
+    between.
+    """
     bound = np.sqrt(reference.variance)
     towards = np.clip(estimate.mean - reference.mean, -bound, bound)
     away = -bound * np.sign(estimate.mean - reference.mean)
@@ -32,9 +36,12 @@ def true_references(rng: np.random.Generator, reference: Reference, estimate: Es
 @pytest.mark.parametrize("name", MOVING)
 @pytest.mark.parametrize("share", [0.1, 0.25])
 def test_the_interval_holds_what_it_would_be_against_the_true_reference(name: str, share: float) -> None:
-    """Beyond the interval without a bound the ends move by what the bound may do. MAE, SMAPE and the trimmed relMSE used to ignore it: with a
-    bound of 25 % of the noise, their intervals, of 5 %, hold none of these. The relative ones take their weights from the reference as it is, so
-    that of them the truth itself is not asked where it is far from it."""
+    """Beyond the interval without a bound the ends move by what the bound may do. MAE, SMAPE and the trimmed
+    relMSE used to ignore it: with a
+    bound of 25 % of the noise, their intervals, of 5 %, hold none of these. The relative ones take their
+    weights from the reference as it is, so that of them the truth itself is not asked where it is far from
+    it.
+    """
     rng = np.random.default_rng(81)
     estimate, reference = pair(rng, share)
     metric = METRICS[name]
@@ -47,13 +54,17 @@ def test_the_interval_holds_what_it_would_be_against_the_true_reference(name: st
             weight = 1.0 / (reference.mean**2 + 0.01)
             scaled = Estimate(estimate.mean * np.sqrt(weight))
             values = (scaled.mean - truth * np.sqrt(weight)) ** 2
-            kept = np.sort(values, axis=None)[: values.size - (values.size // 1000 if "trimmed" in name else 0)]
+            kept = np.sort(values, axis=None)[
+                : values.size - (values.size // 1000 if "trimmed" in name else 0)
+            ]
             assert found.low <= float(kept.mean()) <= found.high
         elif name == "psnr":  # the same exposure
             shown, other = (displayed(image, exposure(reference.mean)) for image in (estimate.mean, truth))
             assert found.low <= -10 * np.log10(np.mean((shown - other) ** 2)) <= found.high
         else:
-            assert found.low <= metric(estimate, Reference(truth, np.zeros(SHAPE), 0)).score.value <= found.high
+            assert (
+                found.low <= metric(estimate, Reference(truth, np.zeros(SHAPE), 0)).score.value <= found.high
+            )
 
 
 @pytest.mark.parametrize("name", [*MOVING, "ciede2000"])

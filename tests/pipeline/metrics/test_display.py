@@ -25,14 +25,19 @@ def exact(image: Image) -> Reference:
 
 
 def test_srgb_encoding_at_known_values() -> None:
-    """Black, the end of the linear branch, middle gray, white, and what is clipped. Values of IEC 61966-2-1."""
+    """Black, the end of the linear branch, middle gray, white, and what is clipped.
+
+    Values of IEC 61966-2-1.
+    """
     linear = np.array([[[-1.0, 0.0, 0.0031308], [0.18, 1.0, 7.0]]])
     expected = [[[0.0, 0.0, 0.04045], [0.46136, 1.0, 1.0]]]
     assert displayed(linear, 1.0) == pytest.approx(np.array(expected), abs=2e-5)
 
 
 def test_exposure_puts_the_lit_median_at_middle_gray_whatever_light_is_in_view() -> None:
-    """Catches an exposure from the mean or the maximum: a light of radiance 1e6 in view would turn all else black."""
+    """Catches an exposure from the mean or the maximum: a light of radiance 1e6 in view would turn all else
+    black.
+    """
     image = np.zeros((HEIGHT, WIDTH, 3))
     image[:, 10:] = 0.36
     image[:3, 20:24] = 1e6
@@ -47,7 +52,9 @@ def test_luminance_weights_green_most_and_white_is_one() -> None:
 
 @pytest.mark.parametrize("name", ["psnr", "ssim", "flip"])
 def test_the_scale_of_radiance_does_not_matter(name: str) -> None:
-    """A picture's exposure follows the reference, so that a scene with 1000 times the power scores the same."""
+    """A picture's exposure follows the reference, so that a scene with 1000 times the power scores the
+    same.
+    """
     truth, shown = scene(), scene() * 1.1
     scores = [METRICS[name](Estimate(shown * k), exact(truth * k)).score.value for k in (1.0, 1000.0)]
     assert scores[0] == pytest.approx(scores[1], rel=1e-4)
@@ -66,7 +73,9 @@ def test_psnr_says_when_the_reference_noise_bounds_it() -> None:
     truth, rng = scene(), np.random.default_rng(1)
     noisy = truth + 0.01 * rng.standard_normal(truth.shape)
     for variance, told in ((1e-4, True), (1e-8, False)):
-        note = METRICS["psnr"](Estimate(noisy), Reference(truth, np.full_like(truth, variance), 64)).score.note
+        note = METRICS["psnr"](
+            Estimate(noisy), Reference(truth, np.full_like(truth, variance), 64)
+        ).score.note
         assert ("lower bound" in note) is told
 
 
@@ -111,12 +120,16 @@ def test_flip_of_a_half_black_picture_takes_few_exposures() -> None:
 
 
 def test_flip_on_a_black_reference_would_end_the_process() -> None:
-    """The trap is real: when the library stops ending the process, this test tells us to take the guard out."""
+    """The trap is real: when the library stops ending the process, this test tells us to take the guard
+    out.
+    """
     code = (
         "import numpy as np; from flip_evaluator import evaluate; "
         "z = np.zeros((8, 8, 3), np.float32); evaluate(z, z + 1, 'HDR'); print('survived')"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
     assert "survived" not in done.stdout
     assert done.returncode != 0
 

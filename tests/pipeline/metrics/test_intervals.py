@@ -1,4 +1,6 @@
-"""Intervals of the other metrics: over regions, of means of absolute and signed errors, trimmed, and of the noise."""
+"""Intervals of the other metrics: over regions, of means of absolute and signed errors, trimmed, and of the
+noise.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ RUNS = 200
 TRUTH = np.broadcast_to(np.linspace(0.2, 1.0, WIDTH)[None, :, None], (HEIGHT, WIDTH, 3)).copy()
 SIGMA = 0.1 * TRUTH
 REFERENCE = 1e-3  # standard error of the reference
-LEAST = int(stats.binom.ppf(0.001, RUNS, 0.95))  # hits of a 95 % interval in so many runs, with a probability of 99.9 %
+LEAST = int(
+    stats.binom.ppf(0.001, RUNS, 0.95)
+)  # hits of a 95 % interval in so many runs, with a probability of 99.9 %
 
 
 def checkerboard() -> Mask:
@@ -39,7 +43,9 @@ def half() -> Mask:
 
 @pytest.mark.parametrize("region", [checkerboard, scattered, half])
 def test_the_standard_error_of_a_region_is_right(region: Callable[[], Mask]) -> None:
-    """Its square is the variance of the region's mean, within 4 errors of 200 runs: 5 % to 10 % are caught."""
+    """Its square is the variance of the region's mean, within 4 errors of 200 runs: 5 % to 10 % are
+    caught.
+    """
     rng, mask = np.random.default_rng(41), region()
     maps = [SIGMA[..., 0] * rng.standard_normal((HEIGHT, WIDTH)) for _ in range(RUNS)]
     found = np.array([standard_error(one, mask) ** 2 for one in maps])
@@ -79,7 +85,9 @@ def test_intervals_hold_the_truth(name: str) -> None:
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("shift", [0.0, 0.01])
 def test_bias_is_found_with_its_sign_and_its_interval(known: bool, shift: float) -> None:
-    """With the estimate's variance and without it; correlated channels, which independent ones' formula would make 1.7 times too sure."""
+    """With the estimate's variance and without it; correlated channels, which independent ones' formula would
+    make 1.7 times too sure.
+    """
     rng = np.random.default_rng(43)
     found = []
     for _ in range(RUNS):
@@ -92,7 +100,9 @@ def test_bias_is_found_with_its_sign_and_its_interval(known: bool, shift: float)
 
 
 def test_a_firefly_is_trimmed_and_counted_elsewhere() -> None:
-    """One pixel of 1,280 at 100 times its value: relMSE is made of it, the trimmed one is not, `firefly` tells its light."""
+    """One pixel of 1,280 at 100 times its value: relMSE is made of it, the trimmed one is not, `firefly`
+    tells its light.
+    """
     rng = np.random.default_rng(44)
     estimate, reference = draw(rng)
     lit = estimate.mean.copy()
@@ -129,7 +139,9 @@ def test_below_the_reference_noise_there_is_a_bound_only(name: str) -> None:
 
 
 def test_the_largest_sample_of_a_region() -> None:
-    """Ten samples of 1 in each pixel, and one of 90 in a single pixel: 90 of 90 + 10 x pixels of the region."""
+    """Ten samples of 1 in each pixel, and one of 90 in a single pixel: 90 of 90 + 10 x pixels of the
+    region.
+    """
     shape = (4, 5, 3)
     largest, mean = np.ones(shape), np.ones(shape)
     largest[2, 3], mean[2, 3] = 90.0, (90.0 + 9.0) / 10
@@ -146,7 +158,10 @@ def test_a_leak_is_a_share_of_all_light() -> None:
     truth[:, :4] = 0.0
     leaking = truth.copy()
     leaking[1, 1] = 0.3
-    for umbra, pixels in ((None, 18), (truth[..., 0] == 0, 24)):  # what borders on lit pixels may itself be lit in part
+    for umbra, pixels in (
+        (None, 18),
+        (truth[..., 0] == 0, 24),
+    ):  # what borders on lit pixels may itself be lit in part
         found = METRICS["umbra-leak"](Estimate(leaking), Reference(truth, 0 * truth, 64, umbra)).score
         assert found.value == pytest.approx(0.3 / 24) and found.note == f"{pixels} pixels, 1 of them lit"
     clean = METRICS["umbra-leak"](Estimate(truth), Reference(truth, 0 * truth, 64)).score

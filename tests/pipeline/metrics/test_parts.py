@@ -1,4 +1,6 @@
-"""Where a metric says that the reference hides the error, to a hundredth of the limit; and how far SMAPE moves with its reference."""
+"""Where a metric says that the reference hides the error, to a hundredth of the limit; and how far SMAPE
+moves with its reference.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +34,11 @@ def smape(a: float, r: float) -> float:
 
 @pytest.mark.parametrize("a", [0.0, 1e-3, 0.3, 0.49, 0.5, 0.51, 1.0, 40.0])
 def test_smape_moves_with_its_reference_by_no_more_than_its_interval_says(a: float) -> None:
-    """|s(r') - s(r)| is within what the interval's upper end is moved by, for all r' within b of r, far below 0 as well.
+    """|s(r') - s(r)| is within what the interval's upper end is moved by, for all r' within b of r, far below
+    0 as well.
 
-    Every pixel is the same, so that this end is the score and nothing but that. With a slope of 1 in the place of 2, a = 1 against
-    r = b = 0.5 is told to move by 0.50 at most, and moves by 0.66.
+    Every pixel is the same, so that this end is the score and nothing but that. With a slope of 1 in the
+    place of 2, a = 1 against r = b = 0.5 is told to move by 0.50 at most, and moves by 0.66.
     """
     for r, share in itertools.product((0.0, 0.01, 0.1, 0.5, 3.0), (0.1, 0.5, 0.99, 1.0, 2.0)):
         b = max(r, 0.01) * share
@@ -49,14 +52,20 @@ def test_smape_moves_with_its_reference_by_no_more_than_its_interval_says(a: flo
 @pytest.mark.parametrize("batches", [0, 64])
 @pytest.mark.parametrize("noisy", ["dark", "bright"])
 @pytest.mark.parametrize("above", [False, True])
-def test_smape_weighs_the_reference_s_noise_as_it_weighs_the_error(batches: int, noisy: str, above: bool) -> None:
-    """A dark half and a bright one err by the same share and count the same, so that noise in either half alone, whichever it is,
-    hides the error at the same limit. Weighed by the weight and not its square, the dark half would count 667 times less.
+def test_smape_weighs_the_reference_s_noise_as_it_weighs_the_error(
+    batches: int, noisy: str, above: bool
+) -> None:
+    """A dark half and a bright one err by the same share and count the same, so that noise in either half
+    alone, whichever it is,
+    hides the error at the same limit. Weighed by the weight and not its square, the dark half would count 667
+    times less.
     """
     r = halves(0.01, 10.0)
     d = (2 * r + FLOOR) / 9  # |d| / (2 r + d + 0.01) = 1/10 everywhere
     here = halves(2.0, 0.0) if noisy == "dark" else halves(0.0, 2.0)
-    limit = LIMIT if batches == 0 else LIMIT / (1 + LIMIT)  # of d^2, from which a sampled variance is subtracted
+    limit = (
+        LIMIT if batches == 0 else LIMIT / (1 + LIMIT)
+    )  # of d^2, from which a sampled variance is subtracted
     share = (1.05 if above else 0.95) * limit
     found = METRICS["smape"](Estimate(r + d), Reference(r, share * d**2 * here, batches)).score
     assert found.bound is above

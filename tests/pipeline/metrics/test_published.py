@@ -1,4 +1,6 @@
-"""Agreement with published implementations, to 1e-4 where the definitions coincide; and where they do not, what the difference is."""
+"""Agreement with published implementations, to 1e-4 where the definitions coincide; and where they do not,
+what the difference is.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,9 @@ def test_simpleimageio(pair: tuple[Image, Image]) -> None:
 def test_simpleimageio_does_not_see_a_leak_and_relmse_does(pair: tuple[Image, Image]) -> None:
     shown, truth = pair
     leaking = np.where(truth == 0, 0.5, shown)
-    assert simpleimageio.relative_mse(leaking, truth) == pytest.approx(simpleimageio.relative_mse(shown, truth))
+    assert simpleimageio.relative_mse(leaking, truth) == pytest.approx(
+        simpleimageio.relative_mse(shown, truth)
+    )
     assert ours("relmse", (leaking, truth)) > 1.5 * ours("relmse", pair)
 
 
@@ -78,15 +82,25 @@ def test_scikit_image(pair: tuple[Image, Image]) -> None:
     scale = exposure(truth)
     left, right = displayed(shown, scale), displayed(truth, scale)
     similarity = structural_similarity(
-        right, left, data_range=1.0, channel_axis=-1, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+        right,
+        left,
+        data_range=1.0,
+        channel_axis=-1,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
     )
     assert ours("mse", pair) == pytest.approx(mean_squared_error(truth, shown), rel=AGREED)
-    assert ours("psnr", pair) == pytest.approx(peak_signal_noise_ratio(right, left, data_range=1.0), abs=AGREED)
+    assert ours("psnr", pair) == pytest.approx(
+        peak_signal_noise_ratio(right, left, data_range=1.0), abs=AGREED
+    )
     assert ours("ssim", pair) == pytest.approx(similarity, abs=AGREED)
 
 
 def test_ciede2000_against_another_implementation(pair: tuple[Image, Image]) -> None:
-    """scikit-image's, from sRGB by its own matrices and white point, whose digits differ by 1e-4 of the whole."""
+    """scikit-image's, from sRGB by its own matrices and white point, whose digits differ by 1e-4 of the
+    whole.
+    """
     shown, truth = pair
     scale = exposure(truth)
     left, right = (rgb2lab(displayed(image, scale)) for image in (shown, truth))
@@ -113,7 +127,13 @@ def test_flip_with_the_same_exposures(pair: tuple[Image, Image]) -> None:
     shown, truth = (image.astype(np.float32) for image in pair)
     values = luminance(pair[1])
     start, stop, count = exposures(values[values > 0])
-    asked = {"ppd": 67.0, "startExposure": start, "stopExposure": stop, "numExposures": count, "tonemapper": "aces"}
+    asked = {
+        "ppd": 67.0,
+        "startExposure": start,
+        "stopExposure": stop,
+        "numExposures": count,
+        "tonemapper": "aces",
+    }
     _, mean, _ = evaluate(truth, shown, "HDR", applyMagma=False, parameters=asked)
     assert ours("flip", pair) == pytest.approx(mean, abs=AGREED)
 

@@ -57,7 +57,9 @@ ERRORS: dict[Callable[[Rng], Image], float] = {
 
 
 def measure(error: Image, mse: float, noise_share: float, rng: Rng) -> SquaredError:
-    """One run: an estimate with this error against a reference whose own variance is a share of the MSE, estimated from batches."""
+    """One run: an estimate with this error against a reference whose own variance is a share of the MSE,
+    estimated from batches.
+    """
     variance = noise_share * mse
     wrong = np.sqrt(variance) * rng.standard_normal((HEIGHT, WIDTH, 1))
     estimated = variance * rng.chisquare(BATCHES - 1, (HEIGHT, WIDTH, 1)) / (BATCHES - 1)
@@ -69,9 +71,9 @@ def measure(error: Image, mse: float, noise_share: float, rng: Rng) -> SquaredEr
 def test_the_reference_noise_is_subtracted_and_the_interval_covers(error: Callable[[Rng], Image]) -> None:
     """The expectation is the estimate's own MSE, and 95 % of the intervals hold it.
 
-    Catches a reference variance that is not subtracted (5 % here, some 10 standard errors), channels counted as independent samples
-    (coverage 73 %), 2/3 d^4 for fireflies (89 %), and intervals that are safe because they are wide. At 95 % coverage 250 runs give at least 224
-    hits with a probability of 99.9 %.
+    Catches a reference variance that is not subtracted (5 % here, some 10 standard errors), channels counted
+    as independent samples (coverage 73 %), 2/3 d^4 for fireflies (89 %), and intervals that are safe because
+    they are wide. At 95 % coverage 250 runs give at least 224 hits with a probability of 99.9 %.
     """
     rng, truth = np.random.default_rng(20), ERRORS[error]
     found = [measure(error(rng), truth, 0.05, rng) for _ in range(RUNS)]
@@ -84,7 +86,9 @@ def test_the_reference_noise_is_subtracted_and_the_interval_covers(error: Callab
 
 
 def test_structure_of_the_image_does_not_widen_the_interval() -> None:
-    """Neighbours differ little where the whole image differs much; the image-wide spread would give an interval 1.2 times as wide."""
+    """Neighbours differ little where the whole image differs much; the image-wide spread would give an
+    interval 1.2 times as wide.
+    """
     rng = np.random.default_rng(21)
     pixels = [np.mean(smooth_noise(rng) ** 2, axis=-1) for _ in range(RUNS)]
     truth = 2 * np.mean((0.01 * 100**X) ** 4) / X.size  # Var d^2 = 2 sigma^4
@@ -94,7 +98,8 @@ def test_structure_of_the_image_does_not_widen_the_interval() -> None:
 
 
 def test_below_reference_noise_the_value_is_an_upper_bound() -> None:
-    """Reference variance of a third of the MSE: at least 97.5 % of the bounds are above the truth, and each is marked.
+    """Reference variance of a third of the MSE: at least 97.5 % of the bounds are above the truth, and each
+    is marked.
 
     Catches a point estimate given as a bound (it is below the truth half the time).
     """
@@ -110,13 +115,17 @@ def test_a_perfect_estimate_has_a_positive_bound_that_shrinks_with_the_noise() -
     rng = np.random.default_rng(23)
     for noise in (1e-4, 1e-8):
         wrong = np.sqrt(noise) * rng.standard_normal((HEIGHT, WIDTH, 3))
-        one = squared_error(Estimate(np.ones_like(wrong)), Reference(1 + wrong, np.full_like(wrong, noise), BATCHES))
+        one = squared_error(
+            Estimate(np.ones_like(wrong)), Reference(1 + wrong, np.full_like(wrong, noise), BATCHES)
+        )
         assert one.bound and one.low == 0 and one.value is not None
         assert 0 < one.value < 0.2 * noise
 
 
 def test_an_estimate_that_is_the_reference_is_told() -> None:
-    """Without it, comparing a reference with itself gives a bound far below the noise, which looks like a triumph."""
+    """Without it, comparing a reference with itself gives a bound far below the noise, which looks like a
+    triumph.
+    """
     image = np.random.default_rng(24).random((HEIGHT, WIDTH, 3))
     score = METRICS["mse"](Estimate(image), Reference(image, np.full_like(image, 1e-4), BATCHES)).score
     assert score.value is None and "not independent" in score.note
@@ -134,7 +143,8 @@ def test_two_plain_images_have_their_plain_mse() -> None:
 def test_a_deterministic_reference_gives_nothing_to_subtract() -> None:
     """An error bound has a sign that nobody knows: the truth is within +-b of the measured root mean square.
 
-    Catches the bound's square subtracted as if it were a variance (MSE 0.0096 and an interval that excludes the truth).
+    Catches the bound's square subtracted as if it were a variance (MSE 0.0096 and an interval that excludes
+    the truth).
     """
     truth = np.ones((HEIGHT, WIDTH, 3))
     error = 0.1 * np.random.default_rng(26).standard_normal(truth.shape)

@@ -31,7 +31,9 @@ def soft() -> RenderScene:
 
 
 def blocked(scene: RenderScene, start: Floats, end: Floats) -> np.ndarray:
-    """(n,): whether a straight line between two points, (n, 3) each, meets a triangle or a ball, its ends left out."""
+    """(n,): whether a straight line between two points, (n, 3) each, meets a triangle or a ball, its ends
+    left out.
+    """
     way = (end - start).T
     length = np.sqrt((way * way).sum(axis=0))
     d = way / length
@@ -45,8 +47,12 @@ def blocked(scene: RenderScene, start: Floats, end: Floats) -> np.ndarray:
 
 
 @pytest.mark.parametrize("estimator", ["area", "solid-angle", "projected-solid-angle", "analytic-visibility"])
-def test_a_light_sampler_s_rays_run_to_the_light_or_to_what_hides_it(soft: RenderScene, estimator: str) -> None:
-    """Each that arrives ends on the light with nothing in between; each that is hidden ends on something before it."""
+def test_a_light_sampler_s_rays_run_to_the_light_or_to_what_hides_it(
+    soft: RenderScene, estimator: str
+) -> None:
+    """Each that arrives ends on the light with nothing in between; each that is hidden ends on something
+    before it.
+    """
     found = tried(soft, estimator, PENUMBRA_PIXEL)
     assert len(found.state) == 64 and found.count(IDLE) == 0
     assert found.count(SEEN) > 4 and found.count(HIDDEN) > 4
@@ -56,11 +62,15 @@ def test_a_light_sampler_s_rays_run_to_the_light_or_to_what_hides_it(soft: Rende
     seen, hidden = found.state == SEEN, found.state == HIDDEN
     np.testing.assert_allclose((found.end[seen] - corner) @ (normal / np.linalg.norm(normal)), 0, atol=1e-9)
     assert not blocked(soft, found.start[seen], found.end[seen]).any()
-    assert ((found.end[hidden] - corner) @ normal * np.sign((found.start[hidden][0] - corner) @ normal) > 1e-6).all()
+    assert (
+        (found.end[hidden] - corner) @ normal * np.sign((found.start[hidden][0] - corner) @ normal) > 1e-6
+    ).all()
 
 
 def test_the_share_that_arrives_is_the_pixel_s_visibility(soft: RenderScene) -> None:
-    """Solid-angle samples are nearly of one weight: their share, of 4,096, is the pixel over the unshadowed closed form, to 5 %."""
+    """Solid-angle samples are nearly of one weight: their share, of 4,096, is the pixel over the unshadowed
+    closed form, to 5 %.
+    """
     found = tried(soft, "solid-angle", PENUMBRA_PIXEL, 4096)
     share = found.count(SEEN) / len(found.state)
     images = [render(soft, estimator=name, spp=256).image for name in ("solid-angle", "analytic-visibility")]
@@ -116,7 +126,10 @@ def test_the_view_holds_the_camera_and_what_it_sees(name: str) -> None:
     forward = (view.target - view.position) / np.linalg.norm(view.target - view.position)
     right = np.cross([0.0, 1.0, 0.0], forward)
     right /= np.linalg.norm(right)
-    points = np.concatenate([view.screen.reshape(-1, 3), np.stack([place for place, _ in view.labels])]) - view.position
+    points = (
+        np.concatenate([view.screen.reshape(-1, 3), np.stack([place for place, _ in view.labels])])
+        - view.position
+    )
     depth = points @ forward
     half = np.tan(np.radians(view.angle / 2))
     assert depth.min() > 0
@@ -161,12 +174,24 @@ def test_a_preview_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     """All that the legend names is there in its colour."""
     target = tmp_path / "p.png"
     assert (
-        command("soft-shadow", "-o", str(target), "--pixel", "30,36", "-D", "xresolution=64", "-D", "yresolution=48")
+        command(
+            "soft-shadow",
+            "-o",
+            str(target),
+            "--pixel",
+            "30,36",
+            "-D",
+            "xresolution=64",
+            "-D",
+            "yresolution=48",
+        )
         == 0
     )
     image = (255 * read_texture(target, "linear")).round()
     assert image.shape == (*preview.SIZE[::-1], 3)
     for colour in preview.COLOURS.values():
         wanted = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
-        assert np.count_nonzero(np.abs(image[:700] - wanted).max(axis=-1) < 12) > 15, colour  # above the legend
+        assert np.count_nonzero(np.abs(image[:700] - wanted).max(axis=-1) < 12) > 15, (
+            colour
+        )  # above the legend
     assert "samples" in capsys.readouterr().out

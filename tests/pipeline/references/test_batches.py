@@ -1,4 +1,6 @@
-"""Batches: merged without bias whatever their sizes, drawn until a request is met, the same however often interrupted."""
+"""Batches: merged without bias whatever their sizes, drawn until a request is met, the same however often
+interrupted.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ import pytest
 from pipeline.references.accumulator import Precision, Tally, empty_tally, precision
 from pipeline.references.batches import Batches, accumulate, met, missing, to_image, to_tally
 from pipeline.references.protocol import Continuation, Image, ReferenceRequest
-from scenes.description import Film
+from scenes.description.scene import Film
 from scenes.errors import PenumbraError
 
 FILM = Film(6, 4)
@@ -32,7 +34,9 @@ def tally_of(images: list[Image], sizes: list[int]) -> Tally:
 
 
 def test_equal_batches_are_accumulated_as_numpy_would():
-    """Against the two-pass formula, with a mean 1e4 times the spread: float32 or sums of squares would lose it."""
+    """Against the two-pass formula, with a mean 1e4 times the spread: float32 or sums of squares would lose
+    it.
+    """
     images = 1e4 + np.random.default_rng(2).normal(size=(24, *SHAPE))
     tally = tally_of(list(images), [5] * 24)
     np.testing.assert_allclose(tally.mean, images.mean(axis=0), rtol=1e-14)
@@ -41,9 +45,11 @@ def test_equal_batches_are_accumulated_as_numpy_would():
 
 
 def test_the_variance_is_unbiased_for_batches_of_any_sizes():
-    """4,000 x 72 tallies of sizes 1, 1, 2, 30 of samples with variance 1: mean and reported variance are 1/34.
+    """4,000 x 72 tallies of sizes 1, 1, 2, 30 of samples with variance 1: mean and reported variance are
+    1/34.
 
-    The average of the reported variances is then known to 0.15 %: 1 % of bias, such as a batch count without its -1, would fail.
+    The average of the reported variances is then known to 0.15 %: 1 % of bias, such as a batch count without
+    its -1, would fail.
     """
     rng, sizes = np.random.default_rng(7), [1, 1, 2, 30]
     said, errors = [], []
@@ -59,14 +65,18 @@ def test_one_batch_knows_no_variance():
     assert np.isinf(tally_of([np.ones(SHAPE)], [4]).variance).all()
 
 
-@pytest.mark.parametrize(("spp", "batches", "most"), [(4096, 64, 10_000), (64, 64, 4), (100, 7, 10), (10**6, 64, 99)])
+@pytest.mark.parametrize(
+    ("spp", "batches", "most"), [(4096, 64, 10_000), (64, 64, 4), (100, 7, 10), (10**6, 64, 99)]
+)
 def test_a_request_is_met_and_not_by_far(spp: int, batches: int, most: int):
     tally, request = empty_tally(1, 1), ReferenceRequest(spp, batches)
     while wanted := missing(tally, request, most):
         assert wanted.first == tally.batches and 1 <= wanted.spp <= most
         spp_now, batches_now = tally.spp + wanted.count * wanted.spp, tally.batches + wanted.count
         tally = replace(tally, spp=spp_now, batches=batches_now)
-    assert tally.batches >= batches and spp <= tally.spp < spp + max(batches, wanted.spp if wanted else 0) + most
+    assert (
+        tally.batches >= batches and spp <= tally.spp < spp + max(batches, wanted.spp if wanted else 0) + most
+    )
 
 
 class _Stop(Exception):

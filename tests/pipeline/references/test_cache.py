@@ -41,7 +41,9 @@ def test_mitsuba_through_the_cache(tmp_path: Path):
     more = reference_for(small(), "mitsuba", dataclasses.replace(REQUEST, spp=40), root)
     whole = reference_for(small(), "mitsuba", dataclasses.replace(REQUEST, spp=40), tmp_path / "other")
     assert (more.kept, more.image.spp, whole.kept) == (8, 48, 0)
-    assert not np.array_equal(more.image.mean, whole.image.mean), "other batches: of 2 and 10 samples, not of 10"
+    assert not np.array_equal(more.image.mean, whole.image.mean), (
+        "other batches: of 2 and 10 samples, not of 10"
+    )
     error = np.sqrt(more.image.variance + whole.image.variance)
     assert np.all(np.abs(more.image.mean - whole.image.mean) < 8 * error + 1e-12)
 
@@ -49,7 +51,11 @@ def test_mitsuba_through_the_cache(tmp_path: Path):
 def test_a_second_call_reads_what_the_first_wrote(fake: FakeBackend, tmp_path: Path):
     first, again = ask(tmp_path), ask(tmp_path)
     assert fake.renders == 1 and (first.fresh, again.fresh) == (True, False)
-    assert first.path == again.path and first.key == again.key and first.image.provenance == again.image.provenance
+    assert (
+        first.path == again.path
+        and first.key == again.key
+        and first.image.provenance == again.image.provenance
+    )
     np.testing.assert_array_equal(first.image.mean, again.image.mean)  # to the last bit of float64
     np.testing.assert_array_equal(first.image.variance, again.image.variance)
     assert again.image.seconds == first.image.seconds and (again.image.spp, again.image.batches) == (8, 4)
@@ -128,7 +134,9 @@ DAMAGE: dict[str, tuple[str, Callable[[Path], object]]] = {
 
 
 @pytest.mark.parametrize("kind", DAMAGE)
-def test_damage_is_reported_and_mended(fake: FakeBackend, tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str):
+def test_damage_is_reported_and_mended(
+    fake: FakeBackend, tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str
+):
     name, damage = DAMAGE[kind]
     first = ask(tmp_path)
     damage(first.path.with_name(name))

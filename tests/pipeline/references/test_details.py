@@ -1,4 +1,6 @@
-"""Details of references: what later rounds draw, a pixel's error, how many samples a target takes, and every colour of a material."""
+"""Details of references: what later rounds draw, a pixel's error, how many samples a target takes, and every
+colour of a material.
+"""
 
 from __future__ import annotations
 
@@ -12,24 +14,18 @@ from pipeline.references.accumulator import Tally, precision
 from pipeline.references.batches import Batches, accumulate, missing
 from pipeline.references.pbrt.channels import gray_scenes
 from pipeline.references.protocol import Image, ReferenceRequest
-from scenes.description import (
-    Array,
-    Checkerboard,
-    Conductor,
-    Diffuse,
-    Emission,
-    Film,
-    Material,
-    Mix,
-    SceneDescription,
-    UVMapping,
-)
+from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.scene import Film, SceneDescription
+from scenes.description.shapes import Array, Emission
+from scenes.description.textures import Checkerboard, Mix, UVMapping
 from tests.kit.fake_batches import small
 from tests.kit.mitsuba_scenes import floor
 
 
 def test_no_batch_is_drawn_twice_on_the_way_to_a_target() -> None:
-    """A round that began at batch 0 again would count the same noise twice and report too small a variance."""
+    """A round that began at batch 0 again would count the same noise twice and report too small a
+    variance.
+    """
     drawn: list[int] = []
 
     def draw(wanted: Batches) -> Generator[Image]:
@@ -50,7 +46,9 @@ def test_a_pixels_error_is_the_root_mean_square_of_its_channels() -> None:
 
 
 def test_half_the_error_takes_four_times_the_samples() -> None:
-    """Median twice the target after 64 samples: 3 times as many again, with the margin of 5 % 205; in 64 batches of 4 at most."""
+    """Median twice the target after 64 samples: 3 times as many again, with the margin of 5 % 205; in 64
+    batches of 4 at most.
+    """
     batches, spp = 16, 64
     m2 = np.full((4, 6, 3), 0.04 * spp * (batches - 1))  # a relative error of 0.2 / 1
     tally = Tally(np.ones((4, 6, 3)), m2, spp, batches)
@@ -78,7 +76,9 @@ def test_both_optical_constants_of_a_metal_are_split() -> None:
 
 def test_every_part_of_a_texture_is_split() -> None:
     first, second, amount = COLOURS, COLOURS**2, COLOURS[::-1].copy()
-    for c, one in enumerate(gray_materials(Diffuse(Mix(first, Checkerboard(first, second, UVMapping()), amount)))):
+    for c, one in enumerate(
+        gray_materials(Diffuse(Mix(first, Checkerboard(first, second, UVMapping()), amount)))
+    ):
         assert isinstance(one, Diffuse) and isinstance(one.reflectance, Mix)
         board = one.reflectance.second
         assert isinstance(board, Checkerboard)

@@ -1,4 +1,6 @@
-"""References that were interrupted: nothing that was finished is lost, and nothing that is damaged is taken."""
+"""References that were interrupted: nothing that was finished is lost, and nothing that is damaged is
+taken.
+"""
 
 from __future__ import annotations
 
@@ -108,8 +110,12 @@ def test_batches_of_another_reference_are_reported_and_drawn_again(
     assert again.kept == 0 and "another reference" in caplog.text
 
 
-def test_killed_between_any_two_steps_of_storing(fake: FakeBackend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The old entry already gone and the new one not in place: the batches are still there, and none is drawn again."""
+def test_killed_between_any_two_steps_of_storing(
+    fake: FakeBackend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The old entry already gone and the new one not in place: the batches are still there, and none is drawn
+    again.
+    """
     ask(tmp_path)
 
     def killed(*_: object) -> None:

@@ -83,7 +83,9 @@ def test_leaving_by_an_error_ends_workers_at_once() -> None:
 def test_workers_die_with_the_run(sent: signal.Signals) -> None:
     """SIGKILL leaves the run no chance to end its workers: they must notice by themselves."""
     command = [sys.executable, "-m", "tests.kit.executor_items"]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as run:
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as run:
         assert run.stdout is not None
         pids = [int(word) for word in run.stdout.readline().split()]
         assert pids

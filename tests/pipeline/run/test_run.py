@@ -1,4 +1,6 @@
-"""A run makes what is missing and nothing else; the reference is a fake, the renderer and the store are real."""
+"""A run makes what is missing and nothing else; the reference is a fake, the renderer and the store are
+real.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ def test_a_run_makes_every_reference_cell_and_score(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("backend")
 def test_every_cell_is_scored_by_region(tmp_path: Path) -> None:
-    """Regions cover the image; the mean over pixels of their MSE is the whole's; one label image serves all cells of the scene."""
+    """Regions cover the image; the mean over pixels of their MSE is the whole's; one label image serves all
+    cells of the scene.
+    """
     run(tmp_path)
     (study,) = load_run(tmp_path).studies
     for cell in study.cells:
@@ -72,7 +76,9 @@ def test_every_cell_is_scored_by_region(tmp_path: Path) -> None:
         assert cell.card.region_map.pixels == {name: part.pixels for name, part in parts.items()}
         sums = [part.pixels * (part.scores["mse"].value or 0.0) for part in parts.values()]
         assert cell.card.scores["mse"].value == pytest.approx(sum(sums) / (16 * 12))
-    assert len({cell.card.region_map.image for cell in study.cells if cell.card and cell.card.region_map}) == 1
+    assert (
+        len({cell.card.region_map.image for cell in study.cells if cell.card and cell.card.region_map}) == 1
+    )
     assert all((tmp_path / cell.card.reference.image).is_file() for cell in study.cells if cell.card)
 
 
@@ -82,7 +88,11 @@ def test_a_stored_cell_is_what_the_library_renders(tmp_path: Path) -> None:
     entry = load_run(tmp_path).manifest.studies[0].cells[-1]
     job = entry.job
     image = render(
-        load(job.scene, job.parameters), estimator=job.estimator, sampler=job.sampler, spp=job.spp, seed=job.seed
+        load(job.scene, job.parameters),
+        estimator=job.estimator,
+        sampler=job.sampler,
+        spp=job.spp,
+        seed=job.seed,
     ).image
     assert np.array_equal(Store(tmp_path).read_state(entry.key)["mean"], image)
 
@@ -141,7 +151,9 @@ def test_a_changed_reference_scores_anew_and_renders_nothing(tmp_path: Path) -> 
 
 
 @pytest.mark.usefixtures("backend")
-def test_a_changed_metric_scores_anew_and_renders_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_metric_scores_anew_and_renders_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run(tmp_path)
     monkeypatch.setattr(pipeline.run.driver, "metrics_fingerprint", lambda: "another formula")
     assert run(tmp_path).made == {"references": 0, "cells": 0, "scores": TINY_CELLS}
@@ -150,7 +162,11 @@ def test_a_changed_metric_scores_anew_and_renders_nothing(tmp_path: Path, monkey
 @pytest.mark.usefixtures("backend")
 def test_a_wider_grid_keeps_what_it_shares_with_the_old_one(tmp_path: Path) -> None:
     run(tmp_path)
-    assert run(tmp_path, TINY.replace("seeds = 2", "seeds = 3")).made == {"references": 0, "cells": 4, "scores": 4}
+    assert run(tmp_path, TINY.replace("seeds = 2", "seeds = 3")).made == {
+        "references": 0,
+        "cells": 4,
+        "scores": 4,
+    }
 
 
 @pytest.mark.usefixtures("backend")
@@ -168,7 +184,9 @@ def test_two_names_of_one_content_share_a_cell_and_keep_their_names(tmp_path: Pa
     assert all("gap" in cell.entry.job.parameters for cell in again.cells)
 
 
-def test_scenes_that_the_reference_refuses_are_left_out_in_words(tmp_path: Path, backend: FakeBackend) -> None:
+def test_scenes_that_the_reference_refuses_are_left_out_in_words(
+    tmp_path: Path, backend: FakeBackend
+) -> None:
     backend.refused["touching-light"] = "it is too close to the floor"
     text = TINY.replace('["touching-light"]', '["touching-light", "sphere-light"]')
     recorder = Recorder()

@@ -1,4 +1,6 @@
-"""One folder, one sweep: what may go on in a run's folder, and that nothing in it is forgotten without a word."""
+"""One folder, one sweep: what may go on in a run's folder, and that nothing in it is forgotten without a
+word.
+"""
 
 from __future__ import annotations
 
@@ -59,8 +61,12 @@ def test_another_sweep_is_refused(folder: Path) -> None:
     from pipeline.schema.sweep import parse_sweep
     from tests.kit.fakes import InlineExecutor
 
-    with pytest.raises(PenumbraError, match=r"holds a run of the sweep 'tiny.toml', and this is 'second.toml'"):
-        run_sweep("second.toml", parse_sweep(MORE, "second.toml", folder), folder, InlineExecutor(), Recorder())
+    with pytest.raises(
+        PenumbraError, match=r"holds a run of the sweep 'tiny.toml', and this is 'second.toml'"
+    ):
+        run_sweep(
+            "second.toml", parse_sweep(MORE, "second.toml", folder), folder, InlineExecutor(), Recorder()
+        )
 
 
 def test_a_manifest_that_cannot_be_read_is_written_anew(folder: Path) -> None:
@@ -69,7 +75,9 @@ def test_a_manifest_that_cannot_be_read_is_written_anew(folder: Path) -> None:
     assert run(folder).made == NOTHING
 
 
-def test_more_samples_for_the_reference_score_again_and_render_nothing(folder: Path, backend: FakeBackend) -> None:
+def test_more_samples_for_the_reference_score_again_and_render_nothing(
+    folder: Path, backend: FakeBackend
+) -> None:
     more = TINY.replace("spp = 64, batches = 64", "spp = 256, batches = 64")
     assert run(folder, more).made == {"references": 1, "cells": 0, "scores": TINY_CELLS}
     assert backend.asked == 2

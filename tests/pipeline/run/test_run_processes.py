@@ -1,4 +1,6 @@
-"""Runs in processes of their own, with nothing faked: the same bits for any number of workers, and death at any moment."""
+"""Runs in processes of their own, with nothing faked: the same bits for any number of workers, and death at
+any moment.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,12 @@ def finish(sweep: Path, out: Path) -> str:
 def started(sweep: Path, out: Path, cells: int) -> Iterator[subprocess.Popen[str]]:
     """A run in a session of its own, once it has finished so many cells."""
     with subprocess.Popen(
-        command(sweep, out), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command(sweep, out),
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     ) as run:
         assert wait_until(lambda: len(finished(out)) >= cells or run.poll() is not None)
         yield run

@@ -30,7 +30,9 @@ def shrunk(name: str) -> Sweep:
             "yresolution": [40.0],
             study.over: LEVELS[study.name],
         }
-        axes = study.axes.model_copy(update={"parameters": parameters, "seeds": [0, 1], "estimator": ["solid-angle"]})
+        axes = study.axes.model_copy(
+            update={"parameters": parameters, "seeds": [0, 1], "estimator": ["solid-angle"]}
+        )
         studies.append(study.model_copy(update={"axes": axes, "metrics": ["rmse", "umbra-leak"]}))
     return sweep.model_copy(update={"study": studies})
 
@@ -59,7 +61,9 @@ def test_the_error_grows_with_the_light_and_with_the_edge_s_height(penumbra: Pat
 
 
 def test_the_widths_of_a_run_are_told(penumbra: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Exact: by the closed form; of the images: within a tenth where the penumbra is five rows wide or more."""
+    """Exact: by the closed form; of the images: within a tenth where the penumbra is five rows wide or
+    more.
+    """
     assert _command("width", str(penumbra)) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == 4
@@ -87,7 +91,10 @@ def test_a_run_without_an_edge_has_no_width(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_noise_grows_with_the_light_and_a_hundred_rays_make_a_tenth_of_it() -> None:
-    """The claim of `noise`. Errors from 3,072 pixels are known to some 3 %; independent samples' variances differ by 100 exactly."""
+    """The claim of `noise`.
+
+    Errors from 3,072 pixels are known to some 3 %; independent samples' variances differ by 100 exactly.
+    """
     noise: dict[tuple[float, int], float] = {}
     for size in (0.125, 4.0):
         scene = scenes.load("large-light", {"size": size, "xresolution": 64, "yresolution": 48})

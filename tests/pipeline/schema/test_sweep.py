@@ -33,23 +33,33 @@ MISTAKES = [
     ('title = "good"', "", "title: missing key"),
     ('title = "good"', "title = 3", "title: input should be a valid string, not 3"),
     ('title = "good"', 'title = "good', "not valid TOML"),
-    ('title = "good"', 'title = "good"\ncolour = 1', "colour: unknown key; allowed here: title, description, study"),
+    ('title = "good"', 'title = "good"\ncolour = 1', ("colour: unknown key; allowed here: title, "
+"description, study")),
     ('name = "one"', 'name = "one"\nscene = "x"', "study[0].scene: unknown key; allowed here: name, title"),
-    ("seeds = 3", "seed = 3", "study[0].axes.seed: unknown key; allowed here: estimator, sampler, spp, seeds, parameters (did you mean seeds?)"),
+    ("seeds = 3", "seed = 3", ("study[0].axes.seed: unknown key; allowed here: estimator, sampler, spp, "
+"seeds, parameters (did you mean seeds?)")),
     ("seeds = 3", "seeds = 0", "study[0].axes.seeds: 0 replicates: give at least 1"),
     ("seeds = 3", "seeds = [1, 1]", "study[0].axes.seeds: 1 is given twice"),
-    ("seeds = 3", "seeds = [-1]", "study[0].axes.seeds[0]: input should be greater than or equal to 0, not -1"),
-    ("spp = [1, 4]", "spp = [1, 0]", "study[0].axes.spp[1]: input should be greater than or equal to 1, not 0"),
+    ("seeds = 3", "seeds = [-1]", ("study[0].axes.seeds[0]: input should be greater than or equal to "
+"0, not -1")),
+    ("spp = [1, 4]", "spp = [1, 0]", ("study[0].axes.spp[1]: input should be greater than or equal to "
+"1, not 0")),
     ("spp = [1, 4]", "spp = []", "study[0].axes.spp: is empty; give at least one"),
     ("spp = [1, 4]", "spp = [1.5]", "study[0].axes.spp[0]: input should be a valid integer, not 1.5"),
-    ('"area", "solid-angle"', '"aera"', "study[0].axes.estimator: unknown estimator 'aera'; there are: " + ", ".join(ESTIMATORS.names())),
-    ('"independent", "sobol"', '"halton"', "study[0].axes.sampler: unknown sampler 'halton'; there are: independent"),
-    ('metrics = ["mse"]', 'metrics = ["l2"]', "study[0].metrics: unknown metric 'l2'; there are: " + ", ".join(METRICS.names())),
-    ('"mitsuba"', '"prbt"', "study[0].reference.backend: unknown reference backend 'prbt'; there are: closed-form, closed-form-edge, mitsuba"),
+    ('"area", "solid-angle"', '"aera"', ("study[0].axes.estimator: unknown estimator 'aera'; "
+"there are: ") + ", ".join(ESTIMATORS.names())),
+    ('"independent", "sobol"', '"halton"', ("study[0].axes.sampler: unknown sampler 'halton'; there are: "
+"independent")),
+    ('metrics = ["mse"]', 'metrics = ["l2"]', ("study[0].metrics: unknown metric 'l2'; "
+"there are: ") + ", ".join(METRICS.names())),
+    ('"mitsuba"', '"prbt"', ("study[0].reference.backend: unknown reference backend 'prbt'; there are: "
+"closed-form, closed-form-edge, mitsuba")),
     ("spp = 640", "spp = 63", "study[0].reference: spp = 63 cannot be dealt to batches = 64"),
-    ("spp = 640", "ssp = 640", "study[0].reference.ssp: unknown key; allowed here: backend, spp, batches, seed (did you mean spp?)"),
+    ("spp = 640", "ssp = 640", ("study[0].reference.ssp: unknown key; allowed here: backend, spp, batches, "
+"seed (did you mean spp?)")),
     ("[64]", "[nan]", "study[0].axes.parameters.xresolution[0]: input should be a finite number, not nan"),
-    ('name = "one"', 'name = "one"\nover = "gap"', "study[0]: over = 'gap' is no axis of this study; allowed: spp, xresolution"),
+    ('name = "one"', 'name = "one"\nover = "gap"', ("study[0]: over = 'gap' is no axis of this study; "
+"allowed: spp, xresolution")),
 ]  # fmt: skip
 
 
@@ -88,7 +98,9 @@ def test_two_studies_of_one_name_are_refused() -> None:
 def test_missing_file_and_unknown_name(tmp_path: Path) -> None:
     with pytest.raises(PenumbraError, match=r"none\.toml: cannot read the sweep: No such file"):
         load_sweep(str(tmp_path / "none.toml"))
-    with pytest.raises(PenumbraError, match=r"unknown sweep 'nine'; there are: demo, .*or give a \.toml file"):
+    with pytest.raises(
+        PenumbraError, match=r"unknown sweep 'nine'; there are: demo, .*or give a \.toml file"
+    ):
         load_sweep("nine")
 
 
@@ -110,7 +122,14 @@ def test_the_demo_is_the_grid_that_was_promised() -> None:
     samples, overflow = lay_out(load_sweep("demo"), "demo")
     renders = [cell for cell in samples.cells if cell.job.estimator != samples.study.baseline]
     assert (len(renders), len(overflow.cells)) == (3 * 2 * 5 * 2 * 3, 6 * 2 * 3)
-    assert {variant.parameters["gap"] for variant in overflow.variants} == {1, 0.1, 0.01, 0.001, 0.0001, 0.00001}
+    assert {variant.parameters["gap"] for variant in overflow.variants} == {
+        1,
+        0.1,
+        0.01,
+        0.001,
+        0.0001,
+        0.00001,
+    }
     assert min(v.scene.film.width for v in samples.variants) >= 128
     assert min(v.scene.film.height for v in samples.variants) >= 96
 

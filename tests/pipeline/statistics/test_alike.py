@@ -1,4 +1,6 @@
-"""Whose variance may stand for whose: rare finds beside a lamp in view, and finds that come on top of what all samples see."""
+"""Whose variance may stand for whose: rare finds beside a lamp in view, and finds that come on top of what
+all samples see.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def named(results: list[TestResult]) -> dict[str, TestResult]:
 
 
 def lamp(rng: Rng, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance of the light's edge in view: a column of pixels that see it, 50 of radiance, half of the time."""
+    """Mean and variance of the light's edge in view: a column of pixels that see it, 50 of radiance, half of
+    the time.
+    """
     share = rng.binomial(samples, 0.5, (SHAPE[0], 1, 1)) / samples
     return 50 * share, 2500 * share * (1 - share) / (samples - 1)
 
@@ -44,7 +48,9 @@ def by_chance(rng: Rng, samples: int, chance: float, share: float) -> Moments:
 
 
 def test_finds_by_chance_are_seen_beside_a_lamp_in_view() -> None:
-    """Summed over the image, the lamp's edge drowns them: 24 x 625 / 64 on both sides, where the floor of finds adds 768 x 1000 / 64."""
+    """Summed over the image, the lamp's edge drowns them: 24 x 625 / 64 on both sides, where the floor of
+    finds adds 768 x 1000 / 64.
+    """
     rng = np.random.default_rng(1)
     ours, theirs = by_chance(rng, 64, 1e-3, 1.0), reference(rng)
     assert vary_alike(reference(rng, 64), theirs)
@@ -52,7 +58,9 @@ def test_finds_by_chance_are_seen_beside_a_lamp_in_view() -> None:
 
 
 def test_rare_finds_beside_a_lamp_raise_no_alarm() -> None:
-    """200 true nulls at 1e-3: none of the image, the regions and the pixels; plain tests of the pixels would reject in nearly every one."""
+    """200 true nulls at 1e-3: none of the image, the regions and the pixels; plain tests of the pixels would
+    reject in nearly every one.
+    """
     rng, alarms = np.random.default_rng(2), 0
     for _ in range(200):
         results = compare_images(by_chance(rng, 64, 1e-3, 1.0), reference(rng), alpha=1e-3)
@@ -63,7 +71,8 @@ def test_rare_finds_beside_a_lamp_raise_no_alarm() -> None:
 def test_finds_on_top_of_what_all_samples_see_raise_no_alarm() -> None:
     """As balance MIS in an open scene: 2 % of the light comes in finds of a chance of 1/200.
 
-    A pixel without any, and most have none around either, reads 2 % low with an error of 0.35 % by its own samples.
+    A pixel without any, and most have none around either, reads 2 % low with an error of 0.35 % by its own
+    samples.
     """
     rng, alarms, plain = np.random.default_rng(3), 0, 0
     for _ in range(100):
@@ -114,14 +123,20 @@ def test_draws_that_met_no_light_at_all_say_nothing_of_how_large_it_comes() -> N
 
 def test_a_black_image_is_no_sign_of_bias_only_where_light_is_met_by_chance() -> None:
     lit = Moments(np.full(SHAPE, 1e-4), np.full(SHAPE, 1e-12), 63, 4096)
-    for estimator, verdict in (("hemisphere", "untrustworthy"), ("bsdf", "untrustworthy"), ("solid-angle", "biased")):
+    for estimator, verdict in (
+        ("hemisphere", "untrustworthy"),
+        ("bsdf", "untrustworthy"),
+        ("solid-angle", "biased"),
+    ):
         assert judge(Trial(estimator), Side(black(), OK), lit).verdict == verdict
     dark = Moments(np.zeros(SHAPE), np.zeros(SHAPE), 63, 4096)
     assert judge(Trial("hemisphere"), Side(black(), OK), dark).verdict == "inconclusive"
 
 
 def test_the_image_mean_of_few_finds_is_tested_by_what_they_may_be() -> None:
-    """Some 20 finds in the whole image: by its own variance, it rejects a true null up to 15 times as often as asked for."""
+    """Some 20 finds in the whole image: by its own variance, it rejects a true null up to 15 times as often
+    as asked for.
+    """
     rng, alarms, runs = np.random.default_rng(5), 0, 600
     count, chance = SHAPE[0] * SHAPE[1] * 64, 20 / (SHAPE[0] * SHAPE[1] * 64)
     exact = Moments(np.full((1, 1, 3), chance), np.zeros((1, 1, 3)), np.inf, bound=np.zeros((1, 1, 3)))

@@ -1,4 +1,6 @@
-"""Families beyond image, grid and Sidak: named regions, Benjamini and Hochberg's correction, samples that vary unlike."""
+"""Families beyond image, grid and Sidak: named regions, Benjamini and Hochberg's correction, samples that
+vary unlike.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ def test_false_alarms_of_named_regions_and_of_benjamini_and_hochberg_are_nominal
 
 
 def test_a_region_finds_what_the_image_and_the_grid_dilute() -> None:
-    """0.3 % in 70 of 2,000 pixels of 1 % noise: 2.5 standard errors of the region's mean a channel, less than 0.5 of the image's."""
+    """0.3 % in 70 of 2,000 pixels of 1 % noise: 2.5 standard errors of the region's mean a channel, less than
+    0.5 of the image's.
+    """
     rng = np.random.default_rng(52)
     a, b = side(rng, 0.005), side(rng, 0.001, 64 * 25)
     a.mean[corner()] += 0.005
@@ -53,7 +57,9 @@ def test_a_region_finds_what_the_image_and_the_grid_dilute() -> None:
 
 
 def test_benjamini_and_hochberg_find_many_small_errors() -> None:
-    """Half of the pixels off by 1.2 errors: what stands out of 6,000 by itself does so less often than all of them together."""
+    """Half of the pixels off by 1.2 errors: what stands out of 6,000 by itself does so less often than all of
+    them together.
+    """
     rng = np.random.default_rng(53)
     plain, many = 0, 0
     for _ in range(40):
@@ -72,7 +78,8 @@ def test_simes_is_never_below_the_least_p_and_never_above_bonferroni() -> None:
 
 
 def test_pixels_of_an_estimator_that_meets_light_by_chance_are_left_out() -> None:
-    """One sample in a thousand finds light: few events in every pixel, and nothing that the reference knows holds them up.
+    """One sample in a thousand finds light: few events in every pixel, and nothing that the reference knows
+    holds them up.
 
     The plain test of the pixels rejects a true null in every run; image and regions stand.
     """

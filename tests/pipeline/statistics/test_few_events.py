@@ -1,4 +1,6 @@
-"""Regions that few large samples light: no false alarm where the truth is known, and what is still caught there."""
+"""Regions that few large samples light: no false alarm where the truth is known, and what is still caught
+there.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def exact(mean: np.ndarray) -> Moments:
 
 
 def rare(rng: Rng, chance: np.ndarray) -> Moments:
-    """SPP samples a pixel that are 1 with this chance (h, w, 1) and else 0, gray; the variance that a film would have."""
+    """SPP samples a pixel that are 1 with this chance (h, w, 1) and else 0, gray; the variance that a film
+    would have.
+    """
     share = rng.binomial(SPP, chance) / SPP * np.ones(3)
     return Moments(share, share * (1 - share) / (SPP - 1), SPP - 1, SPP, draws=draws())
 
@@ -42,7 +46,11 @@ def chances() -> np.ndarray:
 
 @pytest.mark.parametrize("alpha", [0.05, 0.001])
 def test_no_false_alarm_where_finds_are_rare(alpha: float) -> None:
-    """200 true nulls. By variance alone, the regions without a find reject in every run (p = 0): that is what this test would catch."""
+    """200 true nulls.
+
+    By variance alone, the regions without a find reject in every run (p = 0): that is what this test would
+    catch.
+    """
     rng, runs, truth = np.random.default_rng(71), 200, chances() * np.ones(3)
     alarms: dict[str, int] = {}
     plain = 0
@@ -60,16 +68,19 @@ def test_no_false_alarm_where_finds_are_rare(alpha: float) -> None:
 
 @pytest.mark.parametrize("due", [EVENTS, 1.5 * EVENTS, 4 * EVENTS, 16 * EVENTS])
 def test_a_region_s_own_variance_is_good_enough_beyond_the_limit(due: float) -> None:
-    """Of samples that are either dark or as large as the largest, the worst case: P(p <= level) by the exact distribution of their number, level
-    by level. Without the variance of the events that were due it is 6 times a level of 2e-5 and 17 times one of 1e-6 for 100
-    events; for 10 it is 136 and 2,700 times."""
+    """Of samples that are either dark or as large as the largest, the worst case: P(p <= level) by the exact
+    distribution of their number, level
+    by level. Without the variance of the events that were due it is 6 times a level of 2e-5 and 17 times one
+    of 1e-6 for 100 events; for 10 it is 136 and 2,700 times."""
     count = SPP * 192
     found = np.arange(int(3 * due))
     probability = stats.binom.pmf(found, count, due / count)
     mean = (found / count)[:, None, None] * np.ones(3)  # each outcome a region of its own
     truth = np.full_like(mean, due / count)
     a = Moments(mean, mean * (1 - mean) / (count - 1), np.inf, SPP, draws=draws(count=count))
-    regions = named(compare_images(a, Moments(truth, np.zeros_like(truth), np.inf), regions=(found.size, 1)))["regions"]
+    regions = named(compare_images(a, Moments(truth, np.zeros_like(truth), np.inf), regions=(found.size, 1)))[
+        "regions"
+    ]
     assert regions.p_map is not None
     p = regions.p_map[:, 0]
     for level in (1e-2, 1e-3, 2e-5, 1e-6):
@@ -78,7 +89,9 @@ def test_a_region_s_own_variance_is_good_enough_beyond_the_limit(due: float) -> 
 
 
 def test_the_probability_is_never_too_small() -> None:
-    """P(p <= level) <= level for binomial counts, exactly, over chances, sizes of sample and levels; and no p is wastefully large."""
+    """P(p <= level) <= level for binomial counts, exactly, over chances, sizes of sample and levels; and no p
+    is wastefully large.
+    """
     for count, chance in ((20, 0.01), (20, 0.5), (200, 0.002), (200, 0.3), (1000, 0.05)):
         found = np.arange(count + 1)
         mean = (found / count)[:, None, None] * np.ones(3)
@@ -98,7 +111,9 @@ def test_no_find_has_the_probability_of_no_find() -> None:
 
 
 def test_any_light_where_the_truth_is_black_rejects() -> None:
-    """One sample in one pixel of the umbra: its region's own standard error is as large as the light itself, and Welch's t is 1."""
+    """One sample in one pixel of the umbra: its region's own standard error is as large as the light itself,
+    and Welch's t is 1.
+    """
     rng, truth = np.random.default_rng(72), chances() * np.ones(3)
     truth[:, 8:] = 0.0
     side = rare(rng, truth[..., :1])
@@ -138,7 +153,9 @@ def test_what_is_promised_comes_from_regions_of_many_events() -> None:
 
 
 def test_a_noisy_reference_is_given_its_doubt() -> None:
-    """A sampled mean of 0.02 with a standard error of 0.004 does not say that there is light; an exact one does."""
+    """A sampled mean of 0.02 with a standard error of 0.004 does not say that there is light; an exact one
+    does.
+    """
     zero, truth = np.zeros((1, 1, 3)), np.full((1, 1, 3), 0.02)
     pixels = np.full((1, 1, 3), 100.0)
     noisy = Moments(truth, np.full_like(truth, 0.004**2), 63, 1024)
@@ -147,10 +164,15 @@ def test_a_noisy_reference_is_given_its_doubt() -> None:
 
 
 def test_negative_samples_have_their_range() -> None:
-    """A control variate: samples of -1 and 1 where the truth is 0. Taken for samples from 0 on, its negative means could not be."""
+    """A control variate: samples of -1 and 1 where the truth is 0.
+
+    Taken for samples from 0 on, its negative means could not be.
+    """
     rng, truth = np.random.default_rng(76), np.zeros(SHAPE)
     values = rng.choice([-1.0, 1.0], (SPP, *SHAPE))
-    side = Moments(values.mean(axis=0), values.var(axis=0, ddof=1) / SPP, SPP - 1, SPP, draws=draws(1.0, -1.0))
+    side = Moments(
+        values.mean(axis=0), values.var(axis=0, ddof=1) / SPP, SPP - 1, SPP, draws=draws(1.0, -1.0)
+    )
     assert not any(one.reject for one in compare_images(side, exact(truth), alpha=1e-3))
     side.mean[3, 4] = 0.9
     assert named(compare_images(side, exact(truth), alpha=1e-3))["pixels"].reject

@@ -24,7 +24,9 @@ def pareto(rng: np.random.Generator, alpha: float, n: int) -> Array:
 def flagged(alpha: float, n: int, seed: int = 0) -> float:
     """The share of runs of n samples that are called untrustworthy."""
     rng = np.random.default_rng(seed)
-    return float(np.mean([sample_verdict(pareto(rng, alpha, n)).verdict == "untrustworthy" for _ in range(RUNS)]))
+    return float(
+        np.mean([sample_verdict(pareto(rng, alpha, n)).verdict == "untrustworthy" for _ in range(RUNS)])
+    )
 
 
 @pytest.mark.parametrize("alpha", [0.5, 1.0, 1.5, 3.0])
@@ -44,13 +46,18 @@ def test_the_index_of_a_power_law_and_its_interval(alpha: float) -> None:
 
 @pytest.mark.parametrize(("alpha", "n", "least"), [(1.0, 400, 0.95), (1.0, 10_000, 1.0), (1.5, 10_000, 0.99)])
 def test_a_tail_without_variance_is_flagged(alpha: float, n: int, least: float) -> None:
-    """1 and 1.5 are the tails of area sampling near a touching light (pointwise, over pixels). Catches a verdict from the share alone."""
+    """1 and 1.5 are the tails of area sampling near a touching light (pointwise, over pixels).
+
+    Catches a verdict from the share alone.
+    """
     assert flagged(alpha, n) >= least
 
 
 @pytest.mark.parametrize(("alpha", "n", "most"), [(3.0, 400, 0.1), (3.0, 10_000, 0.0)])
 def test_a_tail_with_variance_is_not(alpha: float, n: int, most: float) -> None:
-    """Catches a verdict that takes the lower end of the index's interval: it would flag three quarters of the short runs."""
+    """Catches a verdict that takes the lower end of the index's interval: it would flag three quarters of the
+    short runs.
+    """
     assert flagged(alpha, n) <= most
 
 
@@ -67,17 +74,20 @@ def test_a_tail_with_variance_is_not(alpha: float, n: int, most: float) -> None:
     ids=["uniform", "lognormal 0.5", "lit or dark", "constant", "exponential"],
 )
 def test_healthy_samples_raise_no_alarm(draw: Draw, n: int) -> None:
-    """Catches a division by the log-excess 0 of equal samples, and an index taken over the whole sample instead of its tail."""
+    """Catches a division by the log-excess 0 of equal samples, and an index taken over the whole sample
+    instead of its tail.
+    """
     rng = np.random.default_rng(2)
     verdicts = [sample_verdict(draw(rng, n)) for _ in range(50)]
     assert [one.reason for one in verdicts if one.verdict != "ok"] == []
 
 
 def test_confidently_wrong_is_caught_by_the_index_where_the_share_is_silent() -> None:
-    """A light at height 1e-4 over the point, 1e5 area samples: mean and standard error agree, and the mean is a tenth of the truth or less.
+    """A light at height 1e-4 over the point, 1e5 area samples: mean and standard error agree, and the mean is
+    a tenth of the truth or less.
 
-    W = h^2 / (r^2 + h^2)^2 on a unit-area disk around; the truth is 1 - O(h^2) up to the factor pi. In runs that miss the peak the largest share is mostly below
-    a tenth: a verdict by the share alone lets them pass.
+    W = h^2 / (r^2 + h^2)^2 on a unit-area disk around; the truth is 1 - O(h^2) up to the factor pi. In runs
+    that miss the peak the largest share is mostly below a tenth: a verdict by the share alone lets them pass.
     """
     rng, h = np.random.default_rng(3), 1e-4
     missed = []

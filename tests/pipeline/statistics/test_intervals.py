@@ -22,8 +22,12 @@ RUNS = 1000
 NOMINAL = (float(stats.binom.ppf(0.001, RUNS, 0.95)), float(stats.binom.ppf(0.999, RUNS, 0.95)))
 
 
-def score(value: float | None, low: float | None = None, high: float | None = None, bound: bool = False) -> Score:
-    return Score(metric="mse", value=value, low=low, high=high, bound=bound, note="" if value is not None else "why")
+def score(
+    value: float | None, low: float | None = None, high: float | None = None, bound: bool = False
+) -> Score:
+    return Score(
+        metric="mse", value=value, low=low, high=high, bound=bound, note="" if value is not None else "why"
+    )
 
 
 @pytest.mark.parametrize("replicates", [2, 3, 8])
@@ -42,7 +46,10 @@ def test_one_value_has_no_interval_and_none_no_mean() -> None:
 
 
 def test_interval_of_a_ratio_covers() -> None:
-    """Two means of five replicates each, 10 % noise. Catches errors that are added instead of added in quadrature (99 %), or left out (81 %)."""
+    """Two means of five replicates each, 10 % noise.
+
+    Catches errors that are added instead of added in quadrature (99 %), or left out (81 %).
+    """
     rng = np.random.default_rng(2)
     hits = 0
     for _ in range(RUNS):
@@ -78,7 +85,9 @@ def test_replicates_give_students_interval_over_their_values() -> None:
     values = [1.0, 1.2, 1.4]
     found = replicate_mse([score(v, 0.9 * v, 1.1 * v) for v in values])
     expected = mean_interval(values)
-    assert (found.value, found.low, found.high) == pytest.approx((expected.value, expected.low, expected.high))
+    assert (found.value, found.low, found.high) == pytest.approx(
+        (expected.value, expected.low, expected.high)
+    )
     assert (found.bound, found.replicates) == (False, 3)
 
 
@@ -106,7 +115,8 @@ def test_one_undefined_replicate_makes_the_whole_undefined() -> None:
 
 @pytest.mark.parametrize("count", [3, 12])
 def test_intervals_over_replicates_cover(count: int) -> None:
-    """Skewed scores (of an image's worst pixels, say): three replicates by Student, twelve by bootstrap; at least 88 % of 300 intervals.
+    """Skewed scores (of an image's worst pixels, say): three replicates by Student, twelve by bootstrap; at
+    least 88 % of 300 intervals.
 
     The bootstrap of three values would cover about three quarters.
     """

@@ -1,7 +1,8 @@
-"""The verdict on a whole image: area sampling near contact is caught, bounded sampling is not, and neither is a bright spot.
+"""The verdict on a whole image: area sampling near contact is caught, bounded sampling is not, and neither is
+a bright spot.
 
-The scene is simulated here: a unit rectangle stands upright at height `gap` over a floor, seen pixel by pixel. Area
-weights are z r / d^4: pooled over floor and light, P(W > w) ~ w^-1.5 up to 1 / gap^2.
+The scene is simulated here: a unit rectangle stands upright at height `gap` over a floor, seen pixel by
+pixel. Area weights are z r / d^4: pooled over floor and light, P(W > w) ~ w^-1.5 up to 1 / gap^2.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ def area(x: Array, y: Array, gap: float, u: Array) -> Array:
 
 
 def solid_angle(x: Array, y: Array, gap: float, u: Array) -> Array:
-    """Contribution of a uniform direction to the light: solid angle times cos, by the spherical rectangle [urena2013]."""
+    """Contribution of a uniform direction to the light: solid angle times cos, by the spherical rectangle
+    [urena2013].
+    """
     x0, x1, y0, y1, z0 = -0.5 - y, 0.5 - y, np.full_like(x, gap), np.full_like(x, gap + 1), -x
     corners = [np.stack(v) for v in ((x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0))]
     normals = [np.cross(a, b, axis=0) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
@@ -59,7 +62,8 @@ def summed_up(samples: Array, with_maximum: bool = True) -> SampleStatistics:
     spp = samples.shape[0]
     mean = samples.mean(axis=0)
     color = [
-        np.repeat(a[..., None], 3, axis=-1) for a in (mean, ((samples - mean) ** 2).sum(axis=0), samples.max(axis=0))
+        np.repeat(a[..., None], 3, axis=-1)
+        for a in (mean, ((samples - mean) ** 2).sum(axis=0), samples.max(axis=0))
     ]
     return sample_statistics(
         mean=color[0],
@@ -83,7 +87,10 @@ def test_solid_angle_sampling_is_trusted_at_every_gap(gap: float, spp: int) -> N
 @pytest.mark.parametrize("spp", [4, 16, 64])
 @pytest.mark.parametrize("gap", [1e-2, 1e-3, 1e-4, 1e-5])
 def test_area_sampling_near_contact_is_not(gap: float, spp: int) -> None:
-    """The largest of all samples carries 1 to 3 % here: catches a verdict from the share alone. The index is that of theory."""
+    """The largest of all samples carries 1 to 3 % here: catches a verdict from the share alone.
+
+    The index is that of theory.
+    """
     found = summed_up(render(area, gap, spp))
     assert found.verdict == "untrustworthy"
     assert found.max_share < 0.1
@@ -97,14 +104,18 @@ def test_area_sampling_at_a_distance_is_trusted(spp: int) -> None:
 
 
 def small_light_close_to_the_floor(spp: int) -> Array:
-    """Perfectly sampled, 20 % noise: irradiance h^2 / (r^2 + h^2)^2 has the tail r^-4 over pixels, index 1/2."""
+    """Perfectly sampled, 20 % noise: irradiance h^2 / (r^2 + h^2)^2 has the tail r^-4 over pixels, index
+    1/2.
+    """
     rng, h = np.random.default_rng(2), 0.02
     i, j = np.meshgrid(np.linspace(-1, 1, 96), np.linspace(-1, 1, 96))
     return h**2 / (i**2 + j**2 + h**2) ** 2 * rng.uniform(0.8, 1.2, (spp, 96, 96))
 
 
 def test_the_image_s_own_range_is_not_taken_for_noise() -> None:
-    """Catches the pooled index alone, which calls this image untrustworthy although every pixel knows its value to 3 %."""
+    """Catches the pooled index alone, which calls this image untrustworthy although every pixel knows its
+    value to 3 %.
+    """
     samples = small_light_close_to_the_floor(16)
     found = summed_up(samples)
     assert found.hill is not None and found.hill < 2
@@ -118,7 +129,10 @@ def test_below_16_samples_a_pixel_the_doubt_stays() -> None:
 
 
 def test_a_penumbra_is_no_heavy_tail() -> None:
-    """One lit sample of 64 in a pixel is what a penumbra looks like. Catches the largest share taken pixel by pixel (1.0 here)."""
+    """One lit sample of 64 in a pixel is what a penumbra looks like.
+
+    Catches the largest share taken pixel by pixel (1.0 here).
+    """
     rng = np.random.default_rng(3)
     lit = np.clip(np.linspace(-0.2, 1.2, 128), 0, 1)
     samples = np.where(rng.random((64, 48, 128)) < lit, rng.uniform(0.5, 1.0, (64, 48, 128)), 0.0)
@@ -128,7 +142,9 @@ def test_a_penumbra_is_no_heavy_tail() -> None:
 
 
 def test_spike_share_of_known_cases() -> None:
-    """3/n for uniform samples, 1 where one sample of each pixel is all its light; a light in view does not hide it."""
+    """3/n for uniform samples, 1 where one sample of each pixel is all its light; a light in view does not
+    hide it.
+    """
     rng = np.random.default_rng(4)
     uniform = rng.random((64, 40, 40, 3))
     ones = np.zeros((64, 40, 40, 3))

@@ -32,7 +32,9 @@ def test_an_exact_power_law() -> None:
 
 @pytest.mark.parametrize("weighted", [False, True])
 def test_the_slope_s_interval_covers(weighted: bool) -> None:
-    """Catches 1.96 standard errors from three degrees of freedom (85 %), and an error of one point taken for that of the slope."""
+    """Catches 1.96 standard errors from three degrees of freedom (85 %), and an error of one point taken for
+    that of the slope.
+    """
     rng, hits = np.random.default_rng(1), 0
     for _ in range(RUNS):
         y, low, high = noisy(rng, 0.05)
@@ -54,7 +56,9 @@ def test_weights_follow_the_intervals() -> None:
 
 
 def test_a_bent_curve_widens_the_interval_beyond_what_its_points_imply() -> None:
-    """A fixed cost flattens the first points; tight intervals of single points must not make the slope look certain."""
+    """A fixed cost flattens the first points; tight intervals of single points must not make the slope look
+    certain.
+    """
     overhead = SECONDS + 0.5
     tight = (TRUE * 0.999, TRUE * 1.001)
     assert fit_slope(overhead, TRUE, *tight).se > 20 * fit_slope(SECONDS, TRUE, *tight).se
@@ -62,7 +66,9 @@ def test_a_bent_curve_widens_the_interval_beyond_what_its_points_imply() -> None
 
 def test_two_points_have_an_error_only_with_intervals() -> None:
     plain = fit_slope([1.0, 4.0], [1.0, 0.5])
-    assert plain.value == pytest.approx(-0.5) and math.isnan(plain.se) and math.isnan(halving_cost(plain).high)
+    assert (
+        plain.value == pytest.approx(-0.5) and math.isnan(plain.se) and math.isnan(halving_cost(plain).high)
+    )
     known = fit_slope([1.0, 4.0], [1.0, 0.5], [0.9, 0.45], [1.1, 0.55])
     sigma = math.log(1.1 / 0.9) / (2 * 1.96)
     assert known.se == pytest.approx(sigma * math.sqrt(2) / math.log(4), rel=1e-3)
@@ -83,12 +89,17 @@ def test_an_error_that_does_not_fall_costs_infinitely_much() -> None:
     assert halving_cost(flat).low > 2
     assert seconds_for_error(fit_slope(SECONDS, 1 / TRUE), 0.1).value == math.inf
     nearly_flat = fit_slope([1.0, 2.0], [1.0, 0.99], [0.9, 0.9], [1.1, 1.1])
-    assert seconds_for_error(nearly_flat, 1e-300).value == math.inf  # beyond what a double holds, not an error
+    assert (
+        seconds_for_error(nearly_flat, 1e-300).value == math.inf
+    )  # beyond what a double holds, not an error
 
 
 @pytest.mark.parametrize("error", [0.15, 0.02])
 def test_seconds_for_an_error_cover(error: float) -> None:
-    """Inside the points and beyond them. Catches an interval without the slope's part, which matters beyond."""
+    """Inside the points and beyond them.
+
+    Catches an interval without the slope's part, which matters beyond.
+    """
     rng, truth = np.random.default_rng(2), (0.3 / error) ** 2
     found = [seconds_for_error(fit_slope(SECONDS, noisy(rng, 0.05)[0]), error) for _ in range(RUNS)]
     hits = sum(one.low <= truth <= one.high for one in found)

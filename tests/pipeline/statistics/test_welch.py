@@ -1,4 +1,6 @@
-"""Welch's tests between images: nominal false alarms, no alarm at a penumbra, and the bias that they promise to catch."""
+"""Welch's tests between images: nominal false alarms, no alarm at a penumbra, and the bias that they promise
+to catch.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +27,21 @@ FULL = (120, 160, 3)  # 19,200 pixels
 SMALL = (12, 16, 3)
 
 
-def normal_side(rng: Rng, shape: tuple[int, int, int], batches: int, error: float = 0.01, bias: float = 0.0) -> Moments:
-    """What `batches` normal batches give: mean 1 + bias with this standard error, variance by chi-square, exactly distributed."""
+def normal_side(
+    rng: Rng, shape: tuple[int, int, int], batches: int, error: float = 0.01, bias: float = 0.0
+) -> Moments:
+    """What `batches` normal batches give: mean 1 + bias with this standard error, variance by chi-square,
+    exactly distributed.
+    """
     mean = 1.0 + bias + error * rng.standard_normal(shape)
     variance = error**2 * rng.chisquare(batches - 1, shape) / (batches - 1)
     return Moments(mean, variance, batches - 1, 64 * batches)
 
 
 def film_side(rng: Rng, lit: Array, samples: int) -> Moments:
-    """A film's moments of `samples` lit-or-dark samples a pixel, visible with probability `lit` (h, w); channels are equal."""
+    """A film's moments of `samples` lit-or-dark samples a pixel, visible with probability `lit` (h, w);
+    channels are equal.
+    """
     share = rng.binomial(samples, lit) / samples
     mean = np.repeat(share[..., None], 3, axis=-1)
     return Moments(mean, mean * (1 - mean) / (samples - 1), samples - 1, samples)
@@ -49,7 +57,10 @@ def alarm_range(runs: int) -> tuple[float, float]:
 
 
 def test_null_rate_of_the_pixel_test_is_nominal_at_64_batches_and_that_of_a_z_test_at_8_is_not() -> None:
-    """The same Sidak family of 57,600 comparisons. Catches degrees of freedom that are lost on the way (dof = inf): 30 alarms of 30."""
+    """The same Sidak family of 57,600 comparisons.
+
+    Catches degrees of freedom that are lost on the way (dof = inf): 30 alarms of 30.
+    """
     rng, runs = np.random.default_rng(1), 30
     alarms = {"welch 64": 0, "z 8": 0}
     for _ in range(runs):
@@ -64,7 +75,9 @@ def test_null_rate_of_the_pixel_test_is_nominal_at_64_batches_and_that_of_a_z_te
 
 
 def test_null_rate_of_regions_and_image_is_nominal_and_that_of_pixels_at_most() -> None:
-    """Both ways: too many alarms, and a test so loose (a variance summed instead of averaged) that it never fires."""
+    """Both ways: too many alarms, and a test so loose (a variance summed instead of averaged) that it never
+    fires.
+    """
     rng, runs = np.random.default_rng(2), 200
     results = [named(compare_images(*(normal_side(rng, SMALL, 64) for _ in range(2)))) for _ in range(runs)]
     low, high = alarm_range(runs)
@@ -75,9 +88,11 @@ def test_null_rate_of_regions_and_image_is_nominal_and_that_of_pixels_at_most() 
 
 @pytest.mark.parametrize("samples", [16, 64, 1024])
 def test_a_penumbra_raises_no_alarm(samples: int) -> None:
-    """Lit-or-dark samples against a reference of 4096: a plain Welch test rejects the true null, here in every run below 1024.
+    """Lit-or-dark samples against a reference of 4096: a plain Welch test rejects the true null, here in
+    every run below 1024.
 
-    Its cause: pixels that happen to show no event have no variance. Catches a pixel test without support for the variance.
+    Its cause: pixels that happen to show no event have no variance. Catches a pixel test without support for
+    the variance.
     """
     rng, runs = np.random.default_rng(3), 12
     lit = np.broadcast_to(np.clip(np.linspace(-0.3, 1.3, 160), 0, 1) ** 3, FULL[:2])
@@ -94,16 +109,20 @@ def test_a_penumbra_raises_no_alarm(samples: int) -> None:
 
 @pytest.mark.parametrize("name", ["image", "regions", "pixels"])
 def test_the_smallest_detectable_bias_is_detected_and_half_of_it_often_not(name: str) -> None:
-    """Promised power 95 %, uniform bias, known variances. Catches an optimistic promise and one that is safe by being large.
+    """Promised power 95 %, uniform bias, known variances. Catches an optimistic promise and one that is safe
+    by being large.
 
     The regions and pixels of one channel are counted in a promise, the other two channels come on top.
     """
     rng, runs = np.random.default_rng(4), 40
-    promised = named(compare_images(*(normal_side(rng, SMALL, 512) for _ in range(2))))[name].smallest_detectable
+    promised = named(compare_images(*(normal_side(rng, SMALL, 512) for _ in range(2))))[
+        name
+    ].smallest_detectable
     caught = {}
     for part in (1.0, 0.5):
         pairs = (
-            (normal_side(rng, SMALL, 512, bias=part * promised), normal_side(rng, SMALL, 512)) for _ in range(runs)
+            (normal_side(rng, SMALL, 512, bias=part * promised), normal_side(rng, SMALL, 512))
+            for _ in range(runs)
         )
         caught[part] = sum(named(compare_images(a, b))[name].reject for a, b in pairs)
     assert caught[1.0] >= stats.binom.ppf(0.001, runs, 0.95)
@@ -111,7 +130,9 @@ def test_the_smallest_detectable_bias_is_detected_and_half_of_it_often_not(name:
 
 
 def test_a_uniform_bias_of_half_a_percent_is_caught_on_the_image_mean() -> None:
-    """64 spp with 20 % noise a pixel: no pixel shows 0.5 %, the mean does, and says what it would have caught."""
+    """64 spp with 20 % noise a pixel: no pixel shows 0.5 %, the mean does, and says what it would have
+    caught.
+    """
     rng = np.random.default_rng(5)
     a = replace(normal_side(rng, FULL, 64, error=0.2, bias=0.005), samples=64)
     b = normal_side(rng, FULL, 64, error=0.025)
@@ -123,7 +144,9 @@ def test_a_uniform_bias_of_half_a_percent_is_caught_on_the_image_mean() -> None:
 
 
 def test_a_local_error_is_caught_where_the_means_hide_it() -> None:
-    """A shadow displaced by one pixel: one column too bright, one too dark, by 10 %; image and most regions are right on average."""
+    """A shadow displaced by one pixel: one column too bright, one too dark, by 10 %; image and most regions
+    are right on average.
+    """
     rng = np.random.default_rng(6)
     a, b = normal_side(rng, FULL, 64), normal_side(rng, FULL, 64)
     a.mean[:, 80] += 0.1
@@ -136,7 +159,10 @@ def test_a_local_error_is_caught_where_the_means_hide_it() -> None:
 
 
 def test_a_leak_into_the_umbra_is_caught_pixel_by_pixel() -> None:
-    """The reference is exactly black there, without variance. Catches support for the variance that drowns the leak."""
+    """The reference is exactly black there, without variance.
+
+    Catches support for the variance that drowns the leak.
+    """
     rng = np.random.default_rng(7)
     lit = np.broadcast_to(np.clip(np.linspace(-1.0, 1.0, 160), 0, 1), FULL[:2]).copy()
     b = film_side(rng, lit, 4096)
@@ -147,7 +173,10 @@ def test_a_leak_into_the_umbra_is_caught_pixel_by_pixel() -> None:
 
 
 def test_equal_constants_agree_different_ones_do_not_and_rounding_is_no_difference() -> None:
-    """A light seen directly has no variance. Its radiance passes through float32, as a running sum of up to 256 equal samples."""
+    """A light seen directly has no variance.
+
+    Its radiance passes through float32, as a running sum of up to 256 equal samples.
+    """
     exact = Moments(np.full(SMALL, 20.1), np.zeros(SMALL), 63, 4096)
     running = np.cumsum(np.full(256, 20.1, np.float32), dtype=np.float32)[-1] / 256
     stored = replace(exact, mean=np.full(SMALL, float(running)))
@@ -195,7 +224,10 @@ def test_batch_moments_are_those_of_the_mean() -> None:
 
 
 def test_welch_is_scipys() -> None:
-    """The library tests two samples; ours takes moments. Catches degrees of freedom added instead of combined."""
+    """The library tests two samples; ours takes moments.
+
+    Catches degrees of freedom added instead of combined.
+    """
     rng = np.random.default_rng(12)
     x, y = rng.normal(0, 1, (12, 2, 2, 3)), rng.normal(0.5, 3, (40, 2, 2, 3))
     p, _, dof = welch(batch_moments(x), batch_moments(y))

@@ -17,7 +17,14 @@ from pipeline.store.run_folder import DamagedEntryError, Store, create_store, lo
 from pipeline.store.sealed_folder import damage, write_entry
 from scenes.errors import PenumbraError
 
-JOB = Job(scene="touching-light", parameters={"xresolution": 16, "yresolution": 12}, estimator="area", sampler="sobol", spp=1, seed=0)  # fmt: skip
+JOB = Job(
+    scene="touching-light",
+    parameters={"xresolution": 16, "yresolution": 12},
+    estimator="area",
+    sampler="sobol",
+    spp=1,
+    seed=0,
+)
 FILES = ("record.json", "image.exr", "state.npz", "SHA256SUMS")
 
 
@@ -89,7 +96,9 @@ def test_an_entry_whose_writing_fails_is_not_there(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with pytest.raises(OSError, match="No space"):
-        write_entry(tmp_path / "cells" / "key", tmp_path / "scratch", {"a": lambda p: p.write_text("a"), "b": fail})
+        write_entry(
+            tmp_path / "cells" / "key", tmp_path / "scratch", {"a": lambda p: p.write_text("a"), "b": fail}
+        )
     assert not (tmp_path / "cells" / "key").exists()
 
 
@@ -134,7 +143,9 @@ def _manifest(record: Record, scores: str) -> Manifest:
 
 def test_a_run_is_loaded_with_what_it_has_and_what_it_lacks(store: Store, record: Record) -> None:
     write(store, record)
-    info = ReferenceInfo(backend="fake", key="k", spp=0, batches=0, rms_standard_error=0.0, seconds=0.0, image="r.exr")
+    info = ReferenceInfo(
+        backend="fake", key="k", spp=0, batches=0, rms_standard_error=0.0, seconds=0.0, image="r.exr"
+    )
     card = ScoreCard(cell=record.key, reference=info, scores={"mse": Score(metric="mse", value=float("inf"))})
     store.write_score("5" * 32, card, None)
     store.write_manifest(_manifest(record, "5" * 32))

@@ -36,7 +36,10 @@ def test_every_backend_is_here() -> None:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_all_that_is_loaded_with_a_backend_is_found_by_its_imports(name: str) -> None:
-    """Read from the text on one side, run on the other. Registries import no neighbours here: nobody looks anything up."""
+    """Read from the text on one side, run on the other.
+
+    Registries import no neighbours here: nobody looks anything up.
+    """
     command = [sys.executable, "-c", LOADED, MODULES[name]]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     loaded = {Path(line) for line in done.stdout.split()}
@@ -46,7 +49,10 @@ def test_all_that_is_loaded_with_a_backend_is_found_by_its_imports(name: str) ->
 @pytest.mark.parametrize(
     ("name", "needed"),
     [
-        ("mitsuba", ["mitsuba/worker", "mitsuba/limits", "mitsuba/__init__", "ambient", "batches", "accumulator"]),
+        (
+            "mitsuba",
+            ["mitsuba/worker", "mitsuba/limits", "mitsuba/__init__", "ambient", "batches", "accumulator"],
+        ),
         ("pbrt", ["pbrt/channels", "ambient", "batches", "accumulator"]),
         ("self", ["batches", "accumulator"]),
         ("closed-form", ["closed_form/uniform", "closed_form/image", "closed_form/cone"]),

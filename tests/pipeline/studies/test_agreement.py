@@ -1,4 +1,6 @@
-"""The agreement matrix: on every library scene all unbiased estimators agree, with each other and with Mitsuba."""
+"""The agreement matrix: on every library scene all unbiased estimators agree, with each other and with
+Mitsuba.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,24 @@ from scenes.errors import PenumbraError
 
 SMALL = {"xresolution": 32.0, "yresolution": 24.0}
 LARGE = {"xresolution": 80.0, "yresolution": 60.0}
-# Lamps in view: their outlines hold nearly all of the noise at so few pixels, and no claim is made of what would have been seen.
+# Lamps in view: their outlines hold nearly all of the noise at so few pixels, and no claim is made of what
+# would have been seen.
 IN_VIEW = {"cornell-direct", "many-lights", "veach-mis"}
 # Nothing is lit in it, by design: every image is exactly 0.
 DARK = {"sealed-box"}
 
 
 def found(name: str, size: dict[str, float], spp: int, root) -> tuple[dict[tuple[str, str], float], float]:
-    """The smallest bias that each pair would have shown, once all pairs agree; and how the least noisy pair did."""
+    """The smallest bias that each pair would have shown, once all pairs agree; and how the least noisy pair
+    did.
+    """
     scene = scenes.load(name, size)
     reference = None
     if BACKENDS["mitsuba"].refuses(scene) is None:
-        reference = ("mitsuba", reference_for(scene, "mitsuba", ReferenceRequest(spp=16 * spp, batches=64), root).image)
+        reference = (
+            "mitsuba",
+            reference_for(scene, "mitsuba", ReferenceRequest(spp=16 * spp, batches=64), root).image,
+        )
     matrix = agreement(scene, spp=spp, seed=5, threads=2, alpha=1e-3, reference=reference)
     for pair in matrix.pairs:
         assert pair.agree, f"{name}: {pair}"
@@ -38,14 +46,16 @@ def found(name: str, size: dict[str, float], spp: int, root) -> tuple[dict[tuple
     power = {(p.a, p.b): p.smallest_detectable for p in matrix.pairs}
     best = min(power.values())
     print(
-        f"{name}: {len(power)} pairs of {sorted(ok)} with {reference and reference[0]}; smallest bias seen {best:.2%}"
+        f"{name}: {len(power)} pairs of {sorted(ok)} with {reference and reference[0]}; smallest bias seen "
+        f"{best:.2%}"
     )
     return power, best
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in scenes.library()])
 def test_all_estimators_agree_on_every_scene(name, tmp_path):
-    """0.1 % of false alarms a scene. The least noisy pair of each scene would have shown a bias of the image mean of 3 %,
+    """0.1 % of false alarms a scene. The least noisy pair of each scene would have shown a bias of the image
+    mean of 3 %,
     lamps in view excepted."""
     _, best = found(name, SMALL, 64, tmp_path)
     assert name in DARK | IN_VIEW or best < 0.03
@@ -60,14 +70,20 @@ def test_all_estimators_agree_closely(name, tmp_path):
 
 
 def test_a_wrong_estimator_is_told_from_all_others(monkeypatch):
-    """A solid-angle pdf that is 2 % too large: every pair of `solid-angle` with a quiet one differs, no other does."""
+    """A solid-angle pdf that is 2 % too large: every pair of `solid-angle` with a quiet one differs, no other
+    does.
+    """
     from renderer.estimators import light_sampling
 
     right = light_sampling.by_light
 
     def wrong(scene, plan, hit, u, *preferred):
         result = right(scene, plan, hit, u, *preferred)
-        return type(result)(result.radiance / 1.02, result.shadow_rays) if preferred == ("solid-angle",) else result
+        return (
+            type(result)(result.radiance / 1.02, result.shadow_rays)
+            if preferred == ("solid-angle",)
+            else result
+        )
 
     monkeypatch.setattr(light_sampling, "by_light", wrong)
     names = ["solid-angle", "projected-solid-angle", "mis", "area"]
@@ -103,7 +119,10 @@ def test_what_cannot_be_compared_is_told():
 
 
 def test_regions_are_tested_against_a_closed_form_and_the_one_that_differs_is_named(monkeypatch):
-    """Sampling the light's area near the floor, parts of which see no light: no difference. A light twice as bright on the right is one."""
+    """Sampling the light's area near the floor, parts of which see no light: no difference.
+
+    A light twice as bright on the right is one.
+    """
     scene = scenes.load("touching-light", SMALL | {"gap": 0.01})
     exact = ("closed-form", BACKENDS["closed-form"].render(scene, ReferenceRequest()))
     for seed in range(6):
@@ -113,7 +132,9 @@ def test_regions_are_tested_against_a_closed_form_and_the_one_that_differs_is_na
         assert matrix.agree, matrix.pairs
     right = changeable(exact[1])
     right.mean[18:, 24:] *= 1.05
-    matrix = agreement(scene, estimators=["solid-angle"], spp=256, alpha=1e-3, reference=("closed-form", right))
+    matrix = agreement(
+        scene, estimators=["solid-angle"], spp=256, alpha=1e-3, reference=("closed-form", right)
+    )
     (pair,) = matrix.pairs
     assert not pair.agree and pair.where == "row 4 of 4, column 4 of 4"
 

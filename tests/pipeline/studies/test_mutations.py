@@ -1,8 +1,10 @@
-"""`verify` catches planted biases: each is put into the renderer itself, and the renderer as it is raises no alarm.
+"""`verify` catches planted biases: each is put into the renderer itself, and the renderer as it is raises no
+alarm.
 
-One reference by Mitsuba serves all, of soft-shadow at a tenth of its size: a shadow epsilon of 1e-2 moves shadows by that much, and in the scene
-as it is, 64 pixels wide, no test tells. Where surfaces are nearer to each other it shows at the ordinary size (forest). Each mutation is
-one line of code that somebody might get wrong.
+One reference by Mitsuba serves all, of soft-shadow at a tenth of its size: a shadow epsilon of 1e-2 moves
+shadows by that much, and in the scene as it is, 64 pixels wide, no test tells. Where surfaces are nearer to
+each other it shows at the ordinary size (forest). Each mutation is one line of code that somebody might get
+wrong.
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ Parts = dict[str, np.ndarray]
 
 @pytest.fixture(scope="module")
 def setting(tmp_path_factory: pytest.TempPathFactory) -> tuple[RenderScene, ReferenceImage, Parts]:
-    """The scene, its reference (64 batches of 64 samples) and its regions, made before anything is mutated."""
+    """The scene, its reference (64 batches of 64 samples) and its regions, made before anything is
+    mutated.
+    """
     description = moved(scenes.load("soft-shadow", SIZE), SCALE, np.zeros(3))
     request = ReferenceRequest(spp=64 * 64, batches=64)
     built = build(description)
@@ -56,7 +60,9 @@ def half_a_percent_in_a_pdf(patch: Patch) -> None:
     """The rectangle's solid angle 0.5 % too large, so that the image is 0.5 % too dark."""
     technique = type(_technique("solid-angle"))
     patch.setattr(
-        technique, "sample_direction", _after(technique.sample_direction, lambda s: replace(s, pdf=s.pdf * 1.005))
+        technique,
+        "sample_direction",
+        _after(technique.sample_direction, lambda s: replace(s, pdf=s.pdf * 1.005)),
     )
 
 
@@ -129,7 +135,9 @@ def test_the_renderer_as_it_is_raises_no_alarm(setting, estimator: str) -> None:
 
 
 @pytest.mark.parametrize(("mutation", "estimator", "where"), MUTATIONS)
-def test_a_planted_bias_is_caught(setting, mutation: Callable[[Patch], None], estimator, where, monkeypatch) -> None:
+def test_a_planted_bias_is_caught(
+    setting, mutation: Callable[[Patch], None], estimator, where, monkeypatch
+) -> None:
     mutation(monkeypatch)
     found = run(setting, estimator)
     assert found.verdict == "biased"
@@ -140,7 +148,8 @@ def test_a_planted_bias_is_caught(setting, mutation: Callable[[Patch], None], es
 
 @pytest.mark.slow
 def test_a_shadow_epsilon_is_caught_in_a_scene_of_ordinary_size(tmp_path, monkeypatch) -> None:
-    """The needles of firs are nearer to each other than that: light comes through, +1.5 % of the image and +4 % near contact (measured,
+    """The needles of firs are nearer to each other than that: light comes through, +1.5 % of the image and +4
+    % near contact (measured,
     p = 1e-29 and 1e-35; at a tenth of that epsilon no test rejects)."""
     description = scenes.load("forest", SIZE)
     built, request = build(description), ReferenceRequest(spp=64 * 64, batches=64)

@@ -1,4 +1,6 @@
-"""Rules of the regions that a picture of one light shows: borders of hard shadows, and lights that the floor's own plane cuts."""
+"""Rules of the regions that a picture of one light shows: borders of hard shadows, and lights that the
+floor's own plane cuts.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ import numpy as np
 from pipeline.statistics.numerics import box_maximum
 from pipeline.studies.regions import Regions, find_regions
 from renderer import build
-from scenes.description import BilinearMesh, Emission, PointLight, SceneDescription, ShapeDescription
+from scenes.description.lights import PointLight
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Emission, ShapeDescription
 from tests.kit.scenes import BLACK, floor, look_at
 
 WIDTH, HEIGHT = 32, 24
@@ -15,7 +19,9 @@ EYE, TARGET = [0.0, 6.0, -5.0], [0.0, 0.0, 0.0]
 LAMP = PointLight(np.array([0.0, 4.0, 0.0]), np.ones(3))
 
 
-def _patch(corner: list[float], ex: list[float], ey: list[float], emission: Emission | None = None) -> ShapeDescription:
+def _patch(
+    corner: list[float], ex: list[float], ey: list[float], emission: Emission | None = None
+) -> ShapeDescription:
     """A black rectangle; normal ex x ey."""
     c, x, y = np.array(corner), np.array(ex), np.array(ey)
     mesh = BilinearMesh(np.stack([c, c + x, c + y, c + x + y]), np.array([[0, 1, 2, 3]]))
@@ -30,9 +36,11 @@ def _found(*shapes: ShapeDescription, lamps: tuple[PointLight, ...] = (), fov: f
 
 
 def test_a_dark_pixel_beside_a_lit_one_is_penumbra() -> None:
-    """A point light's shadow has no width, and only the pixels whose eight neighbours are dark as well are umbra.
+    """A point light's shadow has no width, and only the pixels whose eight neighbours are dark as well are
+    umbra.
 
-    Taken each for itself, those within the shadow's border would be umbra: where a leak is measured though light is beside it.
+    Taken each for itself, those within the shadow's border would be umbra: where a leak is measured though
+    light is beside it.
     """
     sheet = _patch([-0.5, 2.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])  # its shadow: |x|, |z| < 1
     found = _found(floor(20.0), sheet, lamps=(LAMP,))
@@ -44,11 +52,15 @@ def test_a_dark_pixel_beside_a_lit_one_is_penumbra() -> None:
 
 
 def test_a_light_that_the_floor_s_plane_cuts_is_lit() -> None:
-    """Of the light's samples those below the floor's plane are none that it could get; the upper ones all arrive.
+    """Of the light's samples those below the floor's plane are none that it could get; the upper ones all
+    arrive.
 
-    Counted among those that are sent, they would leave a visibility of one half all over, and the picture all penumbra.
+    Counted among those that are sent, they would leave a visibility of one half all over, and the picture all
+    penumbra.
     """
     lamp = _patch([6.0, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0], Emission(np.ones(3)))  # faces -x
-    below = _patch([5.0, -2.0, -20.0], [0.0, 0.0, 40.0], [0.0, 1.9, 0.0])  # under the floor's plane, before the lamp
+    below = _patch(
+        [5.0, -2.0, -20.0], [0.0, 0.0, 40.0], [0.0, 1.9, 0.0]
+    )  # under the floor's plane, before the lamp
     found = _found(floor(4.0), lamp, below, fov=20.0)
     assert found.masks()["lit"].all() and (found.visibility == 1).all()

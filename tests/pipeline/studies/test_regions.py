@@ -22,7 +22,9 @@ HEIGHT, LAMP, LIGHT = 1.2, 3.0, 2.0  # knife-edge's parameters
 
 
 def corners(scene: RenderScene) -> Floats:
-    """z of the floor points (4, h, w) seen through the corners of each pixel; nan where the floor is not seen."""
+    """z of the floor points (4, h, w) seen through the corners of each pixel; nan where the floor is not
+    seen.
+    """
     w, h = scene.camera.width, scene.camera.height
     pixel = np.arange(w * h)
     out = []
@@ -39,7 +41,9 @@ def corners(scene: RenderScene) -> Floats:
 
 
 def test_a_knife_edge_divides_the_floor_where_geometry_says() -> None:
-    """Lit for z below -0.67, in the umbra above 0.67, between them in the penumbra, which two borders of a pixel may widen."""
+    """Lit for z below -0.67, in the umbra above 0.67, between them in the penumbra, which two borders of a
+    pixel may widen.
+    """
     scene = build(scenes.load("knife-edge", SIZE))
     found = find_regions(scene)
     assert found is not None
@@ -55,7 +59,9 @@ def test_a_knife_edge_divides_the_floor_where_geometry_says() -> None:
 
 
 def test_visibility_is_the_share_of_the_light() -> None:
-    """Under a light parallel to the edge the visible share of its area falls linearly across the penumbra; by solid angle nearly so."""
+    """Under a light parallel to the edge the visible share of its area falls linearly across the penumbra; by
+    solid angle nearly so.
+    """
     scene = build(scenes.load("knife-edge", SIZE))
     found = find_regions(scene, spp=256)
     assert found is not None

@@ -1,4 +1,6 @@
-"""Verdicts of `verify`: nominal false alarms, what is inconclusive, what cannot be trusted, and its answer as JSON."""
+"""Verdicts of `verify`: nominal false alarms, what is inconclusive, what cannot be trusted, and its answer as
+JSON.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from pipeline.statistics.moments import Draws, Moments, reduced
 from pipeline.studies.moments import FLOAT32, of_reference, of_render, of_replicates
 from pipeline.studies.verify import Side, Trial, Verification, judge, region_masks, verify
 from renderer import build, render
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
 SHAPE = (12, 16, 3)
@@ -56,7 +58,9 @@ def ask(rng: np.random.Generator, trial: Trial, bias: float = 0.0, noise: float 
 
 
 def test_false_alarms_are_no_more_than_alpha_of_all_tests_together() -> None:
-    """150 true nulls at 10 %: Sidak over five families, which overlap, so that it may be less; and it is not far less."""
+    """150 true nulls at 10 %: Sidak over five families, which overlap, so that it may be less; and it is not
+    far less.
+    """
     rng, runs = np.random.default_rng(61), 150
     alarms = sum(ask(rng, Trial("any", alpha=0.1)).verdict == "biased" for _ in range(runs))
     assert alarms <= stats.binom.ppf(0.999, runs, 0.1)
@@ -79,9 +83,12 @@ def test_a_verdict_without_power_is_inconclusive() -> None:
 
 
 def test_samples_that_cannot_be_trusted_come_before_any_test() -> None:
-    """A render that missed its light agrees with itself: mean 0.5 too low, standard error tiny, and every test rejects."""
+    """A render that missed its light agrees with itself: mean 0.5 too low, standard error tiny, and every
+    test rejects.
+    """
     heavy = replace(
-        side(np.random.default_rng(64), bias=-0.5), statistics=OK.model_copy(update={"verdict": "untrustworthy"})
+        side(np.random.default_rng(64), bias=-0.5),
+        statistics=OK.model_copy(update={"verdict": "untrustworthy"}),
     )
     found = judge(Trial("any"), heavy, reference(np.random.default_rng(65)))
     assert found.verdict == "untrustworthy" and all(test.reject for test in found.tests)
@@ -95,7 +102,10 @@ def test_a_leak_into_the_umbra_is_a_bias() -> None:
 
 
 def test_a_region_that_few_samples_light_is_no_proof_against_an_exact_reference() -> None:
-    """Light that one sample in a million carries was not seen in 64: no bias, in no cell of the grid either. Against black any light is."""
+    """Light that one sample in a million carries was not seen in 64: no bias, in no cell of the grid either.
+
+    Against black any light is.
+    """
     exact, ours = Moments(truth(), np.zeros(SHAPE), np.inf), side(np.random.default_rng(68))
     exact.mean[DARK] = 1e-6
     parts = {"region umbra": DARK, "region lit": LIT}
@@ -110,7 +120,9 @@ def test_a_region_that_few_samples_light_is_no_proof_against_an_exact_reference(
 
 @pytest.mark.parametrize(("spp", "seed"), [(32, 1), (32, 2), (256, 2)])
 def test_light_that_no_sample_met_is_no_bias(spp: int, seed: int) -> None:
-    """The light's samples are of its area, and a thousandth above the floor: a part of the grid sees none at all, and none was due."""
+    """The light's samples are of its area, and a thousandth above the floor: a part of the grid sees none at
+    all, and none was due.
+    """
     scene = scenes.load("touching-light", {**SMALLER, "gap": 0.001})
     built, exact = build(scene), BACKENDS["closed-form"].render(scene, ReferenceRequest())
     found = verify(built, Trial("area", spp=spp, seed=seed), exact, region_masks(built))
@@ -128,11 +140,18 @@ def test_an_error_bound_is_no_sampled_variance() -> None:
 
 
 def test_an_error_bound_adds_up_over_a_region() -> None:
-    """0.1 % of unknown sign in every pixel may be 0.1 % of the image. Averaged like noise over 192 pixels it would be 0.007 %, and alarm."""
+    """0.1 % of unknown sign in every pixel may be 0.1 % of the image.
+
+    Averaged like noise over 192 pixels it would be 0.007 %, and alarm.
+    """
     bounded = ReferenceImage(truth(), (1e-3 * truth()) ** 2, 0, 0, 0.0, {})
     reference = of_reference(bounded)
-    assert reduced(reference, (1, 1)).slack == pytest.approx(1e-3 * reference.mean.mean(axis=(0, 1))[None, None])
-    within = replace(side(np.random.default_rng(69), noise=0.0), moments=Moments(0.9991 * truth(), 0 * truth(), np.inf))
+    assert reduced(reference, (1, 1)).slack == pytest.approx(
+        1e-3 * reference.mean.mean(axis=(0, 1))[None, None]
+    )
+    within = replace(
+        side(np.random.default_rng(69), noise=0.0), moments=Moments(0.9991 * truth(), 0 * truth(), np.inf)
+    )
     found = judge(Trial("any"), within, reference, {"region lit": LIT})
     assert not any(test.reject for test in found.tests)
     assert 1e-3 <= found.tests[0].smallest_detectable < 1.1e-3
@@ -154,7 +173,9 @@ def test_dust_of_float32_in_an_umbra_is_no_bias() -> None:
 
 
 def test_the_largest_draw_holds_light_that_is_seen_and_replicates_are_draws() -> None:
-    """The lamp in view is 3, 2.6 and 2 and brighter than all that is reflected; of the replicates their images count."""
+    """The lamp in view is 3, 2.6 and 2 and brighter than all that is reflected; of the replicates their
+    images count.
+    """
     built = build(scenes.load("touching-light", {**SMALLER, "gap": 1.0}))
     result = render(built, estimator="solid-angle", spp=16, seed=3)
     found = of_render(result, 16).draws
@@ -162,16 +183,22 @@ def test_the_largest_draw_holds_light_that_is_seen_and_replicates_are_draws() ->
     assert found.largest == pytest.approx([3.0, 2.6, 2.0]) and not np.any(found.least)
     stacked = of_replicates(np.stack([result.image, 0.5 * result.image])).draws
     assert (
-        stacked is not None and stacked.count == 2 and stacked.largest == pytest.approx(result.image.max(axis=(0, 1)))
+        stacked is not None
+        and stacked.count == 2
+        and stacked.largest == pytest.approx(result.image.max(axis=(0, 1)))
     )
-    signed = render(build(scenes.load("knife-edge", SMALLER)), estimator="analytic-visibility-unbiased", spp=16, seed=1)
+    signed = render(
+        build(scenes.load("knife-edge", SMALLER)), estimator="analytic-visibility-unbiased", spp=16, seed=1
+    )
     assert signed.image.min() < 0
     both = of_render(signed, 16).draws
     assert both is not None and np.all(both.least == -both.largest)
 
 
 def test_sobol_is_judged_by_replicates() -> None:
-    """Against itself with other seeds; by the film's own variance the smallest detectable bias would be several times as large."""
+    """Against itself with other seeds; by the film's own variance the smallest detectable bias would be
+    several times as large.
+    """
     built = build(small())
     images = np.stack([render(built, sampler="sobol", spp=16, seed=900 + k).image for k in range(64)])
     exact = ReferenceImage(images.mean(axis=0), images.var(axis=0, ddof=1) / 64, 1024, 64, 0.0, {})
@@ -186,7 +213,11 @@ def test_sobol_is_judged_against_a_closed_form_pixel_by_pixel() -> None:
     scene = scenes.load("touching-light", {"xresolution": 16.0, "yresolution": 12.0, "gap": 0.1})
     exact = BACKENDS["closed-form"].render(scene, ReferenceRequest())
     found = verify(build(scene), Trial("solid-angle", sampler="sobol", spp=16), exact)
-    assert [test.name for test in found.tests] == ["image", "regions", "pixels"] and found.verdict == "unbiased"
+    assert [test.name for test in found.tests] == [
+        "image",
+        "regions",
+        "pixels",
+    ] and found.verdict == "unbiased"
 
 
 @pytest.mark.parametrize(

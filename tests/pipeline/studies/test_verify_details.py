@@ -1,4 +1,6 @@
-"""Details of tests of images: seeds, degrees of freedom, the largest draw, the level of a family, and the sign of a difference."""
+"""Details of tests of images: seeds, degrees of freedom, the largest draw, the level of a family, and the
+sign of a difference.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from pipeline.studies.agreement import agreement
 from pipeline.studies.moments import of_reference, of_render
 from pipeline.studies.verify import Trial, verify
 from renderer import build, render
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 
 SMALL = {"xresolution": 16.0, "yresolution": 12.0}
 
@@ -32,7 +34,9 @@ def test_the_seed_and_the_level_of_a_trial_are_used() -> None:
     built = build(soft_shadow())
     left = np.zeros((12, 16), dtype=np.bool_)
     left[:, :8] = True
-    found = [verify(built, Trial("area", spp=16, seed=s), reference(), {"a": left, "b": ~left}) for s in (5, 6)]
+    found = [
+        verify(built, Trial("area", spp=16, seed=s), reference(), {"a": left, "b": ~left}) for s in (5, 6)
+    ]
     assert found[0].level == pytest.approx(sidak_level(1e-3, 5))
     for seed, one in zip((5, 6), found, strict=True):
         np.testing.assert_array_equal(one.image, render(built, estimator="area", spp=16, seed=seed).image)

@@ -1,4 +1,6 @@
-"""Ambient occlusion against closed forms: the open share of the cosine-weighted hemisphere is 1 less a form factor."""
+"""Ambient occlusion against closed forms: the open share of the cosine-weighted hemisphere is 1 less a form
+factor.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import pytest
 
 from renderer import build
 from renderer.render import render
-from scenes.description import Diffuse, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import ShapeDescription, Sphere, TriangleMesh
 from tests.kit.scenes import BLACK, GRAY, floor, light, patch, reflect, scene
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -23,7 +26,9 @@ def wall(height: float, half: float = 1e4) -> ShapeDescription:
 
 @pytest.mark.parametrize("sampler", ["independent", "sobol"])
 def test_beside_a_wall(sampler):
-    """An endless wall of height H at distance d hides (1 - d / sqrt(d^2 + H^2)) / 2 of the floor's hemisphere."""
+    """An endless wall of height H at distance d hides (1 - d / sqrt(d^2 + H^2)) / 2 of the floor's
+    hemisphere.
+    """
     built = build(scene([floor(20.0), wall(2.0)]))
     d = np.array([0.1, 1.0, 5.0])
     points = np.stack([d, 0 * d, 0 * d], axis=1)
@@ -33,7 +38,10 @@ def test_beside_a_wall(sampler):
 
 
 def test_below_a_sphere_and_not_beyond_the_distance():
-    """A sphere of radius r at height h hides (r/h)^2; nothing if it is farther than `maxdistance`. Lights hide like all else."""
+    """A sphere of radius r at height h hides (r/h)^2; nothing if it is farther than `maxdistance`.
+
+    Lights hide like all else.
+    """
     for ball in (
         ShapeDescription(Sphere(np.array([0.0, 2.0, 0.0]), 0.8), BLACK),
         light(Sphere(np.array([0.0, 2.0, 0.0]), 0.8)),
@@ -60,7 +68,9 @@ def test_to_a_distance_within_a_plane_overhead():
 
 
 def test_it_needs_no_light_and_shows_none():
-    """A scene without lights; with one in view, which is shaded like all else; rays that miss are black, as pbrt has it."""
+    """A scene without lights; with one in view, which is shaded like all else; rays that miss are black, as
+    pbrt has it.
+    """
     dark = scene([floor(1.0)], eye=(0.0, 2.0, -5.0), fov=30.0)
     image = render(dark, estimator="ambient-occlusion", spp=4).image
     assert set(np.unique(image)) <= {0.0, 0.25, 0.5, 0.75, 1.0} and 0 < image.mean() < 1

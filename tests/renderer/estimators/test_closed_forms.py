@@ -1,8 +1,8 @@
 """Estimates at exact points against closed forms: unoccluded floor points, and the penumbra of a knife edge.
 
-The points carry no pixel and no camera: what is tested is light sampling, shading and, at the knife edge, shadow rays.
-Each test asks for 4 standard errors at a relative standard error below 0.2 %: a bias of 0.8 % fails at every
-point in half of all cases, one of 1.2 % in 97 of 100, and each light has several points.
+The points carry no pixel and no camera: what is tested is light sampling, shading and, at the knife edge,
+shadow rays. Each test asks for 4 standard errors at a relative standard error below 0.2 %: a bias of 0.8 %
+fails at every point in half of all cases, one of 1.2 % in 97 of 100, and each light has several points.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pipeline.references.closed_form.radiometry import (
     sphere_irradiance,
 )
 from renderer import build
-from scenes.description import BilinearMesh, Disk, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, Sphere, TriangleMesh
 from tests.kit.scenes import floor, light, patch, reflect, scene
 
 REFLECTANCE, RADIANCE = 0.5, np.array([3.0, 2.0, 1.0])
@@ -37,14 +37,20 @@ def rectangle(corner, ex, ey) -> np.ndarray:
 
 
 LIGHTS = {
-    "rectangle": (patch(CORNER, EX, EY, RADIANCE), polygon_irradiance(POINTS, np.array(UP), rectangle(CORNER, EX, EY))),
+    "rectangle": (
+        patch(CORNER, EX, EY, RADIANCE),
+        polygon_irradiance(POINTS, np.array(UP), rectangle(CORNER, EX, EY)),
+    ),
     "tilted rectangle through the floor": (
         patch([-1.6, -0.2, -0.3], TILTED_Y, TILTED_X, RADIANCE, reverse=True),
         polygon_irradiance(POINTS, np.array(UP), rectangle([-1.6, -0.2, -0.3], TILTED_X, TILTED_Y)),
     ),
     "disk": (light(DISK), disk_irradiance(POINTS, np.array(UP), DISK.center, DISK.normal, DISK.radius)),
     "sphere": (light(SPHERE), sphere_irradiance(POINTS, np.array(UP), SPHERE.center, SPHERE.radius)),
-    "sunken sphere": (light(LOW_SPHERE), sphere_irradiance(POINTS, np.array(UP), LOW_SPHERE.center, LOW_SPHERE.radius)),
+    "sunken sphere": (
+        light(LOW_SPHERE),
+        sphere_irradiance(POINTS, np.array(UP), LOW_SPHERE.center, LOW_SPHERE.radius),
+    ),
 }
 TECHNIQUES = ("area", "solid-angle")
 CASES = [(name, technique) for technique in TECHNIQUES for name in LIGHTS]
@@ -53,7 +59,9 @@ CASES = [(name, technique) for technique in TECHNIQUES for name in LIGHTS]
 def check(mean, se, truth, most=0.002):
     """Within 4 standard errors, which are small enough to mean something."""
     assert (se < most * truth).all(), f"relative standard error {np.max(se / truth):.5f}"
-    assert (np.abs(mean - truth) < 4 * se).all(), f"off by {np.max(np.abs(mean - truth) / se):.2f} standard errors"
+    assert (np.abs(mean - truth) < 4 * se).all(), (
+        f"off by {np.max(np.abs(mean - truth) / se):.2f} standard errors"
+    )
 
 
 @pytest.mark.parametrize(("name", "technique"), CASES)
@@ -68,7 +76,10 @@ def test_unoccluded_floor_points_agree_with_the_closed_form(name, technique):
         rounds = int(np.ceil((np.max(pilot / value) / 0.0018) ** 2 / 5))
         assert rounds <= 200, "a harder point than this test can afford"
         parts = [reflect(built, point[None], UP, 0, technique, 100_000, seed=2 + i) for i in range(rounds)]
-        mean, se = np.mean([m for m, _ in parts], axis=0), np.sqrt(np.mean([s**2 for _, s in parts], axis=0) / rounds)
+        mean, se = (
+            np.mean([m for m, _ in parts], axis=0),
+            np.sqrt(np.mean([s**2 for _, s in parts], axis=0) / rounds),
+        )
         check(mean, se, value[None])
 
 
@@ -84,7 +95,9 @@ def test_the_knife_edge_profile_agrees_with_its_closed_form(technique):
     assert isinstance(sheet, TriangleMesh)
     height, depth, top = sheet.vertices[0, 1], p01[2] - p00[2], p00[1]
     assert sheet.vertices[:, 2].min() == 0 and p01[2] == -p00[2]
-    width = depth / 2 * height / (top - height)  # the penumbra is |z| < width; under the sheet, z > 0, is the umbra
+    width = (
+        depth / 2 * height / (top - height)
+    )  # the penumbra is |z| < width; under the sheet, z > 0, is the umbra
     z = np.concatenate([np.linspace(-1.5 * width, 0.98 * width, 24), [width * (1 + 1e-9), 1.5 * width]])
     points = np.stack([np.full_like(z, 0.2), np.zeros_like(z), z], axis=1)
     truth = knife_edge_irradiance(

@@ -1,4 +1,6 @@
-"""Environments, distant, point and spot lights, alone and with others, at exact points of a floor, by every estimator."""
+"""Environments, distant, point and spot lights, alone and with others, at exact points of a floor, by every
+estimator.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ import pytest
 from pipeline.references.closed_form.radiometry import sphere_irradiance
 from renderer import build
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
-from scenes.description import DistantLight, Environment, PointLight, Sphere, SpotLight
+from scenes.description.lights import DistantLight, Environment, PointLight, SpotLight
+from scenes.description.shapes import Sphere
 from tests.kit.scenes import floor, light, reflect, scene
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -58,13 +61,18 @@ def applicable(given) -> list[str]:
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("mixed", [False, True])
 def test_every_estimator_gives_the_closed_form(case, mixed):
-    """4.5 standard errors of at most 1 %, or the closed form to 1e-9 where there is no noise: 60 comparisons or so."""
+    """4.5 standard errors of at most 1 %, or the closed form to 1e-9 where there is no noise: 60 comparisons
+    or so.
+    """
     lamp, closed = CASES[case]
     given = replace(scene([floor(), *([BALL] if mixed else [])]), lights=(lamp,))
     truth = closed(POINTS)[:, None] * RGB * RHO / np.pi
     if mixed:
         truth = truth + (sphere_irradiance(POINTS, UP, BALL.geometry.center, 0.4) * RHO / np.pi)[:, None]
-        if case in ("constant", "hemisphere"):  # the ball hides what is behind it, though not all of it is sky
+        if case in (
+            "constant",
+            "hemisphere",
+        ):  # the ball hides what is behind it, though not all of it is sky
             truth = None
     names = applicable(given)
     assert {"hemisphere", "cosine", "bsdf", "mis", "solid-angle"} <= set(names)
@@ -83,14 +91,19 @@ def test_every_estimator_gives_the_closed_form(case, mixed):
 
 
 def test_a_sky_with_one_sun_texel_is_found_by_importance_and_missed_by_chance():
-    """E = L cos omega of the texel's 4 pi / 64^2 sr: 1e6 in one texel, 0 elsewhere. What never finds it must not be believed."""
+    """E = L cos omega of the texel's 4 pi / 64^2 sr: 1e6 in one texel, 0 elsewhere.
+
+    What never finds it must not be believed.
+    """
     image = np.zeros((64, 64, 3))
     image[40, 20] = 1e6
     given = replace(scene([floor()]), lights=(Environment(np.ones(3), image),))
     built = build(given)
     kind, _ = built.lights.environment
     one = np.zeros(1, dtype=np.int64)
-    sample = kind.techniques["environment"].sample_direction(one, np.zeros((3, 1)), UP[:, None], np.full((2, 1), 0.5))
+    sample = kind.techniques["environment"].sample_direction(
+        one, np.zeros((3, 1)), UP[:, None], np.full((2, 1), 0.5)
+    )
     if sample.wi[1, 0] < 0:
         given = replace(given, lights=(replace(given.lights[0], frame=np.diag([1.0, -1.0, 1.0])),))
         built = build(given)
@@ -98,7 +111,9 @@ def test_a_sky_with_one_sun_texel_is_found_by_importance_and_missed_by_chance():
     wi = (
         built.lights.environment[0]
         .techniques["environment"]
-        .sample_direction(np.zeros(20_000, dtype=np.int64), np.zeros((3, 20_000)), np.repeat(UP[:, None], 20_000, 1), u)
+        .sample_direction(
+            np.zeros(20_000, dtype=np.int64), np.zeros((3, 20_000)), np.repeat(UP[:, None], 20_000, 1), u
+        )
         .wi
     )
     truth = 1e6 * wi[1].mean() * 4 * np.pi / 64**2 * RHO / np.pi

@@ -22,7 +22,10 @@ def none(n: int) -> np.ndarray:
 
 def test_spheres_are_met_from_outside_and_inside_and_missed():
     t, which = UNIT.closest(
-        ALL, *rays(([0, 0, -3], [0, 0, 1]), ([0, 0, 0], [0, 1, 0]), ([0, 2, -3], [0, 0, 1]), ([0, 0, 3], [0, 0, 1]))
+        ALL,
+        *rays(
+            ([0, 0, -3], [0, 0, 1]), ([0, 0, 0], [0, 1, 0]), ([0, 2, -3], [0, 0, 1]), ([0, 0, 3], [0, 0, 1])
+        ),
     )
     np.testing.assert_allclose(t, [2, 1, np.inf, np.inf])
     assert which.tolist() == [0, 0, -1, -1]
@@ -54,7 +57,9 @@ def test_disks_and_rectangles_end_at_their_edges():
 
 
 def test_a_sphere_never_shades_what_leaves_it_outwards():
-    """Points on a sphere a million across, offset nowhere: a tolerance in the distance would fail at one end or the other."""
+    """Points on a sphere a million across, offset nowhere: a tolerance in the distance would fail at one end
+    or the other.
+    """
     rng = np.random.default_rng(0)
     n = rng.normal(size=(3, 2000))
     n /= np.linalg.norm(n, axis=0)

@@ -7,7 +7,8 @@ import pytest
 
 from renderer import build, render
 from renderer.geometry.triangles import SLENDER, make_triangles
-from scenes.description import BilinearMesh, Diffuse, Disk, ShapeDescription, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, TriangleMesh
 from tests.kit.scenes import BLACK, GRAY, floor, light, patch, scene
 
 LAMP = ([-0.5, 2.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])  # faces down
@@ -23,14 +24,18 @@ def means(shapes, **options) -> list[float]:
 
 def slab(y: float, half: float = 3.0, tilt: float = 0.0) -> ShapeDescription:
     """A ceiling of two triangles."""
-    p = np.array([[-half, y - tilt, -half], [-half, y - tilt, half], [half, y + tilt, half], [half, y + tilt, -half]])
+    p = np.array(
+        [[-half, y - tilt, -half], [-half, y - tilt, half], [half, y + tilt, half], [half, y + tilt, -half]]
+    )
     return ShapeDescription(TriangleMesh(p, np.array([[0, 1, 2], [0, 2, 3]])), BLACK)
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-7, 1e-6, 1e-5, 1e-3])
 @pytest.mark.parametrize("half", [3.0, 40.0])
 def test_what_touches_a_light_from_behind_does_not_hide_it(gap, half):
-    """A lamp flush with a ceiling, as in every Cornell box: to the last bit as bright as without the ceiling."""
+    """A lamp flush with a ceiling, as in every Cornell box: to the last bit as bright as without the
+    ceiling.
+    """
     lamp = patch(*LAMP, (1.0, 1.0, 1.0))
     ours, bare = means([floor(), lamp, slab(2.0 + gap, half)]), means([floor(), lamp])
     assert ours[0] == ours[1]
@@ -61,7 +66,9 @@ def test_a_disk_in_the_plane_of_a_receiver_does_not_hide_its_light():
 @pytest.mark.parametrize("aspect", [1.0, 0.1, 1.2 / SLENDER])
 @pytest.mark.parametrize("offset", [0.0, 1e6])
 def test_a_triangle_does_not_shade_itself(aspect, offset):
-    """100,000 shadow rays from points on triangles of all orientations, grazing ones too: not one is stopped."""
+    """100,000 shadow rays from points on triangles of all orientations, grazing ones too: not one is
+    stopped.
+    """
     rng = np.random.default_rng(1)
     count, each = 500, 200
     axis = rng.normal(size=(3, count, 3))
@@ -82,7 +89,9 @@ def test_a_triangle_does_not_shade_itself(aspect, offset):
 
 
 def test_two_sided_lights_light_both_sides_and_are_seen_from_both():
-    up = patch([-0.5, 2.0, -0.5], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], (1.0, 1.0, 1.0), two_sided=True)  # faces up
+    up = patch(
+        [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], (1.0, 1.0, 1.0), two_sided=True
+    )  # faces up
     down = patch(*LAMP, (1.0, 1.0, 1.0))
     for estimator in ("area", "solid-angle", "cosine", "mis"):
         pair = [build(scene([floor(), lamp])) for lamp in (up, down)]
@@ -117,6 +126,8 @@ def test_the_patches_of_one_light_shade_each_other():
         render(build(scene([floor(), *s], eye=(0.0, 6.0, -0.01), target=(0.0, 0.0, 0.0))), spp=16)
         for s in ([both], [alone, upright])
     ]
-    full = render(build(scene([floor(), both], eye=(0.0, 6.0, -0.01), target=(0.0, 0.0, 0.0))), spp=16, prune=False)
+    full = render(
+        build(scene([floor(), both], eye=(0.0, 6.0, -0.01), target=(0.0, 0.0, 0.0))), spp=16, prune=False
+    )
     assert np.array_equal(pictures[0].image, full.image)
     assert GRAY.reflectance[0] == 0.5 and pictures[1].image.mean() > 0

@@ -1,4 +1,6 @@
-"""Point, spot and distant lights: one direction, its irradiance by hand and by fifty digits, and the ends of the range of numbers."""
+"""Point, spot and distant lights: one direction, its irradiance by hand and by fifty digits, and the ends of
+the range of numbers.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from renderer.lights.distant import DistantLights
 from renderer.lights.point import PointLights
 from renderer.lights.spot import SpotLights
 from renderer.records import LightSample
-from scenes.description import DistantLight, PointLight, SpotLight
+from scenes.description.lights import DistantLight, PointLight, SpotLight
 from scenes.errors import Location, SceneError
 
 RGB = np.array([3.0, 2.0, 1.0])
@@ -35,7 +37,9 @@ def sample(light, *points, technique: str = "area") -> LightSample:
     p = np.array(points, dtype=np.float64).T.copy()
     n = p.shape[1]
     up = np.repeat([[0.0], [0.0], [1.0]], n, axis=1)
-    return light.techniques[technique].sample_direction(np.zeros(n, dtype=np.int64), p, up, np.full((2, n), 0.3))
+    return light.techniques[technique].sample_direction(
+        np.zeros(n, dtype=np.int64), p, up, np.full((2, n), 0.3)
+    )
 
 
 def test_a_point_light_by_hand():
@@ -56,7 +60,9 @@ def test_a_distant_light_is_the_same_everywhere():
 
 
 def test_a_spot_light_by_hand():
-    """Full inside 30 degrees, nothing beyond 60; half where the cosine is halfway between theirs, at 46.9 degrees."""
+    """Full inside 30 degrees, nothing beyond 60; half where the cosine is halfway between theirs, at 46.9
+    degrees.
+    """
     middle = np.arccos((np.cos(np.pi / 3) + np.cos(np.pi / 6)) / 2)
     angle = np.array([0, 29.9, np.degrees(middle), 59.9, 60.1, 120, 180])
     points = [(np.sin(a), 0, 2 - np.cos(a)) for a in np.radians(angle)]
@@ -68,9 +74,11 @@ def test_a_spot_light_by_hand():
 
 @given(st.floats(-4, 2.25), st.floats(0, 0.999), st.floats(0, 1.2))
 def test_the_fade_against_fifty_digits(log_cone: float, start: float, at: float):
-    """pbrt's smoothstep of the cosine, cones from 1e-4 to 178 degrees: with the cosines themselves a cone of 1e-4 would fade in steps.
+    """pbrt's smoothstep of the cosine, cones from 1e-4 to 178 degrees: with the cosines themselves a cone of
+    1e-4 would fade in steps.
 
-    1e-9 of full, where t is conditioned: for the narrowest, the direction's own rounding (1e-16 of an angle of 1e-6) is what remains.
+    1e-9 of full, where t is conditioned: for the narrowest, the direction's own rounding (1e-16 of an angle
+    of 1e-6) is what remains.
     """
     cone = float(10**log_cone)
     light = lights(SpotLight(np.zeros(3), DOWN, np.ones(3), cone, cone * start))
@@ -154,8 +162,13 @@ def test_a_black_light_is_never_valid(source):
 
 
 @given(st.integers(0, 2**32), st.floats(-6, 7))
-def test_moving_turning_and_scaling_a_spot_light_moves_turns_and_scales_what_it_gives(seed: int, log_scale: float):
-    """Coordinates from 1e-6 to 1e7: E goes with the inverse square. To 1e-9 off the edge, where rounding of points shows."""
+def test_moving_turning_and_scaling_a_spot_light_moves_turns_and_scales_what_it_gives(
+    seed: int, log_scale: float
+):
+    """Coordinates from 1e-6 to 1e7: E goes with the inverse square.
+
+    To 1e-9 off the edge, where rounding of points shows.
+    """
     rng = np.random.default_rng(seed)
     turn, scale = Rotation.random(random_state=rng).as_matrix(), float(10**log_scale)
     points = rng.uniform(-1, 1, (20, 3))
@@ -169,20 +182,28 @@ def test_moving_turning_and_scaling_a_spot_light_moves_turns_and_scales_what_it_
 
 
 def test_lights_side_by_side_keep_their_own():
-    other = dataclasses.replace(SPOT, position=np.array([1.0, 0, 4]), intensity=2 * RGB, cone=20.0, falloff_start=5.0)
+    other = dataclasses.replace(
+        SPOT, position=np.array([1.0, 0, 4]), intensity=2 * RGB, cone=20.0, falloff_start=5.0
+    )
     both = SpotLights.make([SPOT, other], [4, 9])
     assert both.source.tolist() == [4, 9]
     p = np.array([[0.1, 1.1], [0.2, 0.1], [0.0, 0.0]])
     s = both.techniques["area"].sample_direction(np.array([0, 1]), p, p, np.zeros((2, 2)))
     for j, source in enumerate((SPOT, other)):
         one = sample(lights(source), p[:, j])
-        assert np.array_equal(s.wi[:, j], one.wi[:, 0]) and np.array_equal(s.radiance[:, j], one.radiance[:, 0])
+        assert np.array_equal(s.wi[:, j], one.wi[:, 0]) and np.array_equal(
+            s.radiance[:, j], one.radiance[:, 0]
+        )
 
 
 @pytest.mark.parametrize(
     ("source", "change", "message"),
     [
-        (POINT, {"intensity": -RGB}, "a point light's intensity must be finite and not negative, not -3, -2, -1"),
+        (
+            POINT,
+            {"intensity": -RGB},
+            "a point light's intensity must be finite and not negative, not -3, -2, -1",
+        ),
         (POINT, {"position": np.array([0, np.nan, 0])}, "a point light's position must be finite"),
         (SPOT, {"intensity": np.array([1, np.inf, 1])}, "a spot light's intensity must be finite"),
         (SPOT, {"cone": 20.0}, "a spot light's cone is 20 degrees and its falloff starts at 30"),

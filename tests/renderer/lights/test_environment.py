@@ -1,4 +1,6 @@
-"""Environments: what shines from where, against pbrt's look-up written out again; sampling against what shines."""
+"""Environments: what shines from where, against pbrt's look-up written out again; sampling against what
+shines.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from renderer.lights.environment import EnvironmentLights
-from scenes.description import Environment
+from scenes.description.lights import Environment
 
 ONE = np.ones(3)
 POLAR = "latitude-longitude"
@@ -27,7 +29,9 @@ def zeros(n: int) -> np.ndarray:
 
 def sample(light: EnvironmentLights, technique: str, count: int, seed: int = 1):
     u = np.random.default_rng(seed).random((2, count))
-    return light.techniques[technique].sample_direction(zeros(count), np.zeros((3, count)), np.ones((3, count)), u)
+    return light.techniques[technique].sample_direction(
+        zeros(count), np.zeros((3, count)), np.ones((3, count)), u
+    )
 
 
 def pdf(light: EnvironmentLights, technique: str, wi: np.ndarray) -> np.ndarray:
@@ -49,7 +53,9 @@ def sphere_grid(n: int) -> tuple[np.ndarray, float]:
 
 
 def texel_of(w: np.ndarray, shape: tuple[int, ...], mapping: str) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column that directions fall on: pbrt's EqualAreaSphereToSquare and nearest look-up, or the description's definition."""
+    """Row and column that directions fall on: pbrt's EqualAreaSphereToSquare and nearest look-up, or the
+    description's definition.
+    """
     x, y, z = w
     if mapping == POLAR:
         down, along = np.arccos(z) / np.pi, np.arctan2(y, x) / (2 * np.pi) % 1
@@ -59,7 +65,9 @@ def texel_of(w: np.ndarray, shape: tuple[int, ...], mapping: str) -> tuple[np.nd
         u = r - v
         u, v = np.where(z < 0, 1 - v, u), np.where(z < 0, 1 - u, v)
         along, down = 0.5 * (np.copysign(u, x) + 1), 0.5 * (np.copysign(v, y) + 1)
-    return tuple(np.minimum((a * n).astype(int), n - 1) for a, n in zip((down, along), shape[:2], strict=True))
+    return tuple(
+        np.minimum((a * n).astype(int), n - 1) for a, n in zip((down, along), shape[:2], strict=True)
+    )
 
 
 def an_image(shape: tuple[int, int], seed: int = 3) -> np.ndarray:
@@ -73,7 +81,9 @@ MAPS = [
     pytest.param(Environment(ONE, an_image((5, 4)), POLAR), id="latitude-longitude-odd"),
     pytest.param(Environment(ONE, an_image((8, 8)), hemisphere=True), id="half-octahedral"),
     pytest.param(Environment(ONE, an_image((3, 3)), hemisphere=True), id="half-octahedral-odd"),
-    pytest.param(Environment(ONE, an_image((5, 4)), POLAR, hemisphere=True), id="half-latitude-longitude-odd"),
+    pytest.param(
+        Environment(ONE, an_image((5, 4)), POLAR, hemisphere=True), id="half-latitude-longitude-odd"
+    ),
     pytest.param(Environment(ONE), id="constant"),
     pytest.param(Environment(ONE, hemisphere=True), id="half-constant"),
 ]
@@ -90,7 +100,9 @@ MAPS = [
     ],
 )
 def test_one_bright_texel_is_where_pbrt_has_it(row, column, size, direction):
-    """The middle of the texel by hand from pbrt's formulas: catches rows read upwards, swapped axes, another pole."""
+    """The middle of the texel by hand from pbrt's formulas: catches rows read upwards, swapped axes, another
+    pole.
+    """
     image = np.zeros((size, size, 3))
     image[row, column] = [5, 6, 7]
     light = lights(Environment(2 * ONE, image))
@@ -99,7 +111,9 @@ def test_one_bright_texel_is_where_pbrt_has_it(row, column, size, direction):
     assert pdf(light, "environment", wi)[0] == pytest.approx(size * size / (4 * np.pi), rel=1e-14)
     s = sample(light, "environment", 2000)
     assert s.valid.all() and (s.radiance == np.array([[10], [12], [14]])).all()
-    np.testing.assert_allclose(s.wi.mean(axis=1) / np.sqrt((s.wi.mean(axis=1) ** 2).sum()), direction, atol=0.15)
+    np.testing.assert_allclose(
+        s.wi.mean(axis=1) / np.sqrt((s.wi.mean(axis=1) ** 2).sum()), direction, atol=0.15
+    )
 
 
 def test_the_frame_has_the_light_axes_in_its_columns():
@@ -124,9 +138,11 @@ def test_rays_see_the_nearest_texel(environment: Environment):
 @pytest.mark.parametrize("technique", TECHNIQUES)
 @pytest.mark.parametrize("environment", MAPS)
 def test_texels_are_sampled_in_proportion_to_what_they_give(environment: Environment, technique: str):
-    """Chi-square at 0.01 % (27 cases) against brightness times solid angle, by 720,000 midpoints of the test's own.
+    """Chi-square at 0.01 % (27 cases) against brightness times solid angle, by 720,000 midpoints of the
+    test's own.
 
-    With 1e5 samples in up to 96 texels it catches a texel's chance that is off by some 10 %, a seam, a wrong half, a missing sine.
+    With 1e5 samples in up to 96 texels it catches a texel's chance that is off by some 10 %, a seam, a wrong
+    half, a missing sine.
     """
     image = np.ones((1, 1, 3)) if environment.image is None else environment.image
     grid, cell = sphere_grid(600)
@@ -158,14 +174,18 @@ def test_texels_are_sampled_in_proportion_to_what_they_give(environment: Environ
 @pytest.mark.parametrize("technique", TECHNIQUES)
 @pytest.mark.parametrize("environment", MAPS)
 def test_pdfs_integrate_to_one(environment: Environment, technique: str):
-    """By 720,000 midpoints, to 0.5 %: half of a texel lost or counted twice along a horizon would be 1 % and more."""
+    """By 720,000 midpoints, to 0.5 %: half of a texel lost or counted twice along a horizon would be 1 % and
+    more.
+    """
     grid, cell = sphere_grid(600)
     assert pdf(lights(environment), technique, grid).sum() * cell == pytest.approx(1, abs=5e-3)
 
 
 @pytest.mark.parametrize("environment", MAPS)
 def test_of_a_gray_map_every_sample_gives_the_whole(environment: Environment):
-    """L / pdf of `environment` is the map's integral over the sphere, sample by sample, to 1e-12: no variance, no bias."""
+    """L / pdf of `environment` is the map's integral over the sphere, sample by sample, to 1e-12: no
+    variance, no bias.
+    """
     gray = None if environment.image is None else environment.image[:, :, :1].repeat(3, axis=2)
     half, mapping = environment.hemisphere, environment.mapping
     light = lights(Environment(ONE, gray, mapping, hemisphere=half))
@@ -181,8 +201,12 @@ def test_compensation_is_the_excess_over_the_mean():
     image = np.array([[1.0, 2.0], [3.0, 10.0]])[:, :, None].repeat(3, axis=2)
     wi = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * np.sqrt(0.5)
     light = lights(Environment(ONE, image))
-    np.testing.assert_allclose(pdf(light, "environment", wi), np.array([1, 2, 3, 10]) / (16 * np.pi), rtol=1e-14)
-    np.testing.assert_allclose(pdf(light, "environment-compensated", wi), np.array([0, 0, 0, 1]) / np.pi, rtol=1e-14)
+    np.testing.assert_allclose(
+        pdf(light, "environment", wi), np.array([1, 2, 3, 10]) / (16 * np.pi), rtol=1e-14
+    )
+    np.testing.assert_allclose(
+        pdf(light, "environment-compensated", wi), np.array([0, 0, 0, 1]) / np.pi, rtol=1e-14
+    )
 
 
 def test_compensated_and_uniform_sampling_combined_are_unbiased():
@@ -230,7 +254,11 @@ def test_a_sun_of_one_texel(scale: float):
 @given(st.integers(0, 2**32), st.booleans(), st.sampled_from(TECHNIQUES))
 def test_turning_or_mirroring_the_light_turns_its_directions(seed: int, mirror: bool, technique: str):
     """Density and radiance go with the frame; left-handed frames too."""
-    frame = Rotation.random(random_state=np.random.default_rng(seed)).as_matrix() * [1, 1, -1 if mirror else 1]
+    frame = Rotation.random(random_state=np.random.default_rng(seed)).as_matrix() * [
+        1,
+        1,
+        -1 if mirror else 1,
+    ]
     still = Environment(ONE, an_image((9, 4)), POLAR, hemisphere=True)
     a, b = lights(still), lights(Environment(ONE, still.image, POLAR, frame, hemisphere=True))
     s, t = sample(a, technique, 50), sample(b, technique, 50)
@@ -243,7 +271,9 @@ def test_turning_or_mirroring_the_light_turns_its_directions(seed: int, mirror: 
 
 @pytest.mark.parametrize("hemisphere", [False, True])
 def test_irradiance_of_a_constant_sky(hemisphere: bool):
-    """pi L, or pi L (1 + cos t)/2 under a tilted half, against 720,000 midpoints to 0.2 %; sideways and from below as well."""
+    """pi L, or pi L (1 + cos t)/2 under a tilted half, against 720,000 midpoints to 0.2 %; sideways and from
+    below as well.
+    """
     axes = Rotation.from_euler("xyz", [20, 50, -30], degrees=True).as_matrix()
     light = lights(Environment(np.array([1.0, 2.0, 3.0]), frame=axes, hemisphere=hemisphere))
     grid, cell = sphere_grid(600)
@@ -252,7 +282,9 @@ def test_irradiance_of_a_constant_sky(hemisphere: bool):
     assert exact is not None
     for j in range(5):
         cosine = np.maximum(normals[:, j] @ grid, 0)
-        np.testing.assert_allclose(exact[:, j], (seen(light, grid) * cosine).sum(axis=1) * cell, rtol=2e-3, atol=2e-3)
+        np.testing.assert_allclose(
+            exact[:, j], (seen(light, grid) * cosine).sum(axis=1) * cell, rtol=2e-3, atol=2e-3
+        )
 
 
 def test_irradiance_of_an_image_has_no_closed_form():
@@ -263,7 +295,9 @@ def test_irradiance_of_an_image_has_no_closed_form():
 
 
 def test_environments_side_by_side_change_no_bit():
-    """Constant, octahedral, latitude-longitude, halves: each row as if its light were alone; and rows stand alone."""
+    """Constant, octahedral, latitude-longitude, halves: each row as if its light were alone; and rows stand
+    alone.
+    """
     environments = [case.values[0] for case in MAPS[:7]]
     rng = np.random.default_rng(3)
     n = 300

@@ -1,4 +1,6 @@
-"""Lights of many faces and of odd ones: met by formula or by Embree, one or both sides, patches that are no rectangles."""
+"""Lights of many faces and of odd ones: met by formula or by Embree, one or both sides, patches that are no
+rectangles.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from renderer import build
 from renderer.geometry.primitives import FEW
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.render import render
-from scenes.description import BilinearMesh, TriangleMesh
+from scenes.description.shapes import BilinearMesh, TriangleMesh
 from tests.kit.scenes import box, floor, light, reflect, scene
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -26,13 +28,17 @@ def sheet(n: int, y: float = 1.5) -> TriangleMesh:
     z, x = np.meshgrid(at, at, indexing="ij")
     p = np.stack([x.ravel(), np.full(x.size, y), z.ravel()], axis=1)
     i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate([np.stack([i, i + 1, i + n + 2], axis=1), np.stack([i, i + n + 2, i + n + 1], axis=1)])
+    faces = np.concatenate(
+        [np.stack([i, i + 1, i + n + 2], axis=1), np.stack([i, i + n + 2, i + n + 1], axis=1)]
+    )
     return TriangleMesh(p, faces)
 
 
 @pytest.mark.parametrize("n", [1, 5, 8])
 def test_however_a_light_is_cut_it_sheds_the_same(n):
-    """2, 50 and 128 faces, the last through Embree: Lambert's formula of the whole to 4.5 standard errors of at most 2 %."""
+    """2, 50 and 128 faces, the last through Embree: Lambert's formula of the whole to 4.5 standard errors of
+    at most 2 %.
+    """
     built = build(scene([floor(), light(sheet(n), (1.0, 1.0, 1.0))]))
     assert (built.glow is not None) == (2 * n * n > FEW) and len(built.lights) == 2 * n * n
     assert built.lights.pmf.sum() == pytest.approx(1.0)
@@ -49,20 +55,29 @@ def test_however_a_light_is_cut_it_sheds_the_same(n):
 @pytest.mark.parametrize("n", [2, 8])
 def test_two_sides_light_both_ways_and_one_side_is_seen_from_one(n):
     up, down = (
-        scene([floor(), box([0.0, 3.0, 0.0], 0.3), light(sheet(n), two_sided=both)], eye=(0.5, 4.0, -5.0), fov=50.0)
+        scene(
+            [floor(), box([0.0, 3.0, 0.0], 0.3), light(sheet(n), two_sided=both)],
+            eye=(0.5, 4.0, -5.0),
+            fov=50.0,
+        )
         for both in (True, False)
     )
     for name in ("solid-angle", "mis", "cosine"):
         both, one = (render(s, estimator=name, spp=64).image for s in (up, down))
         assert both.mean() > 1.3 * one.mean(), name  # the sheet itself and the box above it
-    means = [render(up, estimator=name, spp=256, seed=i) for i, name in enumerate(("solid-angle", "mis", "cosine"))]
+    means = [
+        render(up, estimator=name, spp=256, seed=i) for i, name in enumerate(("solid-angle", "mis", "cosine"))
+    ]
     for other in means[1:]:
         se = np.sqrt((means[0].variance + other.variance).sum(axis=(0, 1)))
         assert np.all(np.abs((means[0].image - other.image).sum(axis=(0, 1))) < 4.5 * se)
 
 
 def test_meshes_shade_themselves_whichever_way_they_are_met():
-    """A folded light: one half hides part of the other from the floor. By formula and by Embree the same image."""
+    """A folded light: one half hides part of the other from the floor.
+
+    By formula and by Embree the same image.
+    """
     fold = np.array([[-1.0, 1.5, -1], [1, 1.5, -1], [1, 0.7, 0], [-1, 0.7, 0], [-1, 2.0, 1], [1, 2.0, 1]])
     few = TriangleMesh(fold, np.array([[0, 1, 2], [0, 2, 3], [3, 2, 5], [3, 5, 4]]))
     p, f = few.vertices, few.faces
@@ -81,7 +96,9 @@ def test_meshes_shade_themselves_whichever_way_they_are_met():
 
 
 def test_a_patch_that_is_no_rectangle_is_the_two_triangles_that_it_is_made_of():
-    corners = np.array([[-1.0, 1.5, -1], [1.2, 1.5, -0.8], [-0.7, 1.5, 0.6], [0.8, 1.5, 1.1]])  # p00 p10 p01 p11
+    corners = np.array(
+        [[-1.0, 1.5, -1], [1.2, 1.5, -0.8], [-0.7, 1.5, 0.6], [0.8, 1.5, 1.1]]
+    )  # p00 p10 p01 p11
     lamp = light(BilinearMesh(corners, np.array([[0, 1, 2, 3]])), (1.0, 1.0, 1.0))
     built = build(scene([floor(), lamp]))
     assert len(built.lights) == 2
@@ -95,7 +112,9 @@ def test_a_patch_that_is_no_rectangle_is_the_two_triangles_that_it_is_made_of():
 
 
 def test_the_nearer_of_two_lamps_is_the_one_that_is_met():
-    """A dim rectangle before a bright mesh of many faces, and the other way round: chance and light sampling agree."""
+    """A dim rectangle before a bright mesh of many faces, and the other way round: chance and light sampling
+    agree.
+    """
     for low, high in ((0.2, 5.0), (5.0, 0.2)):
         near = light(sheet(1, y=0.8), (low, low, low))
         built = build(scene([floor(), near, light(sheet(8), (high, high, high))]))

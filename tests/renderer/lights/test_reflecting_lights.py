@@ -1,4 +1,6 @@
-"""Lights whose own surface reflects, or which others shine past: nothing lights itself, nothing shines through a dark side."""
+"""Lights whose own surface reflects, or which others shine past: nothing lights itself, nothing shines
+through a dark side.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +12,9 @@ import pytest
 from renderer import build
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
 from renderer.render import render
-from scenes.description import (
-    BilinearMesh,
-    Diffuse,
-    Disk,
-    Emission,
-    Environment,
-    PointLight,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-)
+from scenes.description.lights import Environment, PointLight
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from tests.kit.scenes import floor, light, patch, reflect, scene
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -39,7 +33,11 @@ def rectangle() -> BilinearMesh:
 SHAPES = {
     "rectangle": (rectangle(), TILTED.mean(axis=0), NORMAL),
     "triangle": (TriangleMesh(TILTED, np.array([[0, 1, 2]])), TILTED[:3].mean(axis=0), NORMAL),
-    "disk": (Disk(np.array([0.1, 0.2, 0.3]), NORMAL / np.linalg.norm(NORMAL), 0.7), np.array([0.1, 0.2, 0.3]), NORMAL),
+    "disk": (
+        Disk(np.array([0.1, 0.2, 0.3]), NORMAL / np.linalg.norm(NORMAL), 0.7),
+        np.array([0.1, 0.2, 0.3]),
+        NORMAL,
+    ),
 }
 
 
@@ -49,9 +47,14 @@ def names(given) -> list[str]:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize(("two_sided", "front", "truth"), [(False, False, 0.0), (False, True, 1.0), (True, False, 1.0)])
+@pytest.mark.parametrize(
+    ("two_sided", "front", "truth"), [(False, False, 0.0), (False, True, 1.0), (True, False, 1.0)]
+)
 def test_a_flat_gray_light_does_not_light_itself(shape, two_sided, front, truth):
-    """Alone in the dark: its radiance where it emits, nothing where it does not. Rounding gave 0.14 for 0, and 1.14 for 1."""
+    """Alone in the dark: its radiance where it emits, nothing where it does not.
+
+    Rounding gave 0.14 for 0, and 1.14 for 1.
+    """
     geometry, centre, normal = SHAPES[shape]
     lamp = ShapeDescription(geometry, HALF, Emission(np.ones(3), two_sided))
     away = normal / np.linalg.norm(normal) * (3.0 if front else -3.0)
@@ -63,7 +66,10 @@ def test_a_flat_gray_light_does_not_light_itself(shape, two_sided, front, truth)
 
 
 def test_gray_spheres_light_their_inside_and_not_their_outside():
-    """Inside a sphere that emits inwards, albedo 0.5: 1 + 0.5. Outside of it: nothing; of a two-sided one: 1."""
+    """Inside a sphere that emits inwards, albedo 0.5: 1 + 0.5.
+
+    Outside of it: nothing; of a two-sided one: 1.
+    """
     centre = np.array([0.1, 0.2, 0.3])
     ball = ShapeDescription(Sphere(centre, 1.3, reverse=True), HALF, Emission(np.ones(3)))
     inside = scene([ball], eye=(0.4, 0.1, 0.2), target=(0.0, 0.0, 2.0), width=8, height=6)
@@ -87,9 +93,13 @@ def test_a_flat_light_whose_faces_turn_both_ways_is_pruned_soundly():
 
 
 def test_several_lights_of_one_direction_are_all_counted():
-    """Two unequal point lights and a rectangle, under the estimators that meet lights by chance: E of both points, exactly."""
+    """Two unequal point lights and a rectangle, under the estimators that meet lights by chance: E of both
+    points, exactly.
+    """
     at = np.array([[0.4, 1.5, -0.3], [-1.0, 2.0, 0.5]])
-    given = replace(scene([floor()]), lights=(PointLight(at[0], np.ones(3)), PointLight(at[1], np.full(3, 5.0))))
+    given = replace(
+        scene([floor()]), lights=(PointLight(at[0], np.ones(3)), PointLight(at[1], np.full(3, 5.0)))
+    )
     truth = sum(i * a[1] / np.dot(a, a) ** 1.5 for i, a in zip((1.0, 5.0), at, strict=True)) * 0.5 / np.pi
     for name in ("cosine", "hemisphere", "bsdf", "mis", "solid-angle"):
         mean, se = reflect(build(given), np.zeros((1, 3)), UP, 0, name, 20_000)
@@ -97,7 +107,9 @@ def test_several_lights_of_one_direction_are_all_counted():
 
 
 def test_no_sky_shines_through_a_light_s_dark_side():
-    """A lamp that faces up, above a floor under a bright sky: the floor sees its dark side, and no sky there, by any estimator."""
+    """A lamp that faces up, above a floor under a bright sky: the floor sees its dark side, and no sky there,
+    by any estimator.
+    """
     lamp = patch([-2.0, 0.5, -2.0], [0, 0, 4], [4, 0, 0], [9.0, 9, 9])
     given = replace(scene([floor(), lamp]), lights=(Environment(np.ones(3)),))
     means = {}

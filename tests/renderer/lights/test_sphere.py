@@ -1,4 +1,6 @@
-"""Sphere lights where they are delicate: inside, at the centre, on the surface, 1e-12 outside it, and 1e-12 sr small."""
+"""Sphere lights where they are delicate: inside, at the centre, on the surface, 1e-12 outside it, and 1e-12
+sr small.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from hypothesis import strategies as st
 
 from renderer.lights.sphere import SphereLights
 from renderer.math.vectors import dot
-from scenes.description import Diffuse, Emission, ShapeDescription, Sphere
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Emission, ShapeDescription, Sphere
 
 N = 2000
 
@@ -49,7 +52,9 @@ OUTSIDE = {
 
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_outside(name: str) -> None:
-    """Solid angle, distance and normal against 50 digits at each sample; 1 - cos taken as a difference loses all at 1e-16 sr."""
+    """Solid angle, distance and normal against 50 digits at each sample; 1 - cos taken as a difference loses
+    all at 1e-16 sr.
+    """
     distance, radius = OUTSIDE[name]
     s, asked, u = draw(light_of([0.0, 0, distance], radius), [0.0, 0, 0])
     assert s.valid.all()
@@ -66,7 +71,10 @@ def test_outside(name: str) -> None:
             cosine = 1 - mp.mpf(float(u[0, i])) * opening
             sine2 = 1 - cosine * cosine
             truth = d * cosine - mp.sqrt(r * r - d * d * sine2)
-            assert abs(s.dist[i] / truth - 1) < 1e-14 + 1e-16 * (1 + distance * radius / float(truth) ** 2) ** 0.5
+            assert (
+                abs(s.dist[i] / truth - 1)
+                < 1e-14 + 1e-16 * (1 + distance * radius / float(truth) ** 2) ** 0.5
+            )
             sine = np.hypot(s.wi[0, i], s.wi[1, i])
             assert abs(sine / mp.sqrt(sine2) - 1) < 1e-14
             outward = float(truth * mp.sqrt(sine2) / r)
@@ -97,7 +105,9 @@ INSIDE = {
 
 @pytest.mark.parametrize("name", INSIDE)
 def test_inside(name: str) -> None:
-    """All directions, pdf 1/(4 pi), the wall at the far root of the quadratic; nothing where only the outside emits."""
+    """All directions, pdf 1/(4 pi), the wall at the far root of the quadratic; nothing where only the outside
+    emits.
+    """
     off = INSIDE[name]
     s, asked, _ = draw(light_of([0.0, 0, off], 1.0, reverse=True), [0.0, 0, 0])
     assert s.valid.mean() > (0.45 if off == 1.0 else 0.999)
@@ -120,7 +130,9 @@ def test_inside(name: str) -> None:
 @pytest.mark.parametrize("technique", ["area", "solid-angle"])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_across_the_surface(technique: str, reverse: bool) -> None:
-    """From 1e-15 within to 1e-15 without, in both directions: only the side that emits is lit, all numbers are finite."""
+    """From 1e-15 within to 1e-15 without, in both directions: only the side that emits is lit, all numbers
+    are finite.
+    """
     light = light_of([0.0, 0, 1.0], 1.0, reverse)
     for gap in (1e-3, 1e-9, 1e-12, 1e-15):
         for side in (1, -1):
@@ -139,7 +151,9 @@ def test_across_the_surface(technique: str, reverse: bool) -> None:
 
 
 def test_both_sides_of_the_surface_agree_on_what_is_outside() -> None:
-    """`area`, `solid-angle`, rays and irradiance ask one and the same question: rows at rounding distance never disagree."""
+    """`area`, `solid-angle`, rays and irradiance ask one and the same question: rows at rounding distance
+    never disagree.
+    """
     rng = np.random.default_rng(6)
     out = rng.normal(size=(3, N))
     out /= np.sqrt(dot(out, out))
@@ -180,7 +194,9 @@ def test_any_sphere_from_anywhere(center, radius, p, exponent, two_sided) -> Non
     np.testing.assert_allclose(asked[asked > 0], s.pdf[asked > 0], rtol=1e-15)
     truth = 4 * np.pi if d < radius else float(exact_solid_angle(d, radius))
     # The distance is known to 1e-15; next to the surface the cone's cosine is the root of that.
-    assert 1 / s.pdf[0] == pytest.approx(truth, rel=1e-13 + 1e-14 / abs(d - radius) ** 0.5 + 4e-15 * d / radius)
+    assert 1 / s.pdf[0] == pytest.approx(
+        truth, rel=1e-13 + 1e-14 / abs(d - radius) ** 0.5 + 4e-15 * d / radius
+    )
     landed = (p[:, None] + s.wi * (s.dist / scale)) - center[:, None]
     np.testing.assert_allclose(np.sqrt(dot(landed, landed)), radius, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(s.normal * radius, landed, atol=1e-12)

@@ -1,4 +1,6 @@
-"""The conductor against its textbook formulas in 50 digits, and its reflected share against an integral over microfacets."""
+"""The conductor against its textbook formulas in 50 digits, and its reflected share against an integral over
+microfacets.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ import pytest
 from renderer.materials.conductor import ConductorMaterials, fresnel
 from renderer.math.vectors import dot, normalize
 from renderer.records import SurfaceHit
-from scenes.description import Conductor, ShapeDescription, Sphere
+from scenes.description.materials import Conductor
+from scenes.description.shapes import ShapeDescription, Sphere
 
 mp = mpmath.mp.clone()
 mp.dps = 50
@@ -38,7 +41,9 @@ def material(alpha: float, eta: np.ndarray = COPPER[0], k: np.ndarray = COPPER[1
 def hits(n: np.ndarray, wo: np.ndarray) -> SurfaceHit:
     count = wo.shape[1]
     none = np.zeros(count, dtype=np.int64)
-    return SurfaceHit(np.zeros((3, count)), np.repeat(n, count, axis=1), wo, none, none, none, np.zeros((2, 1)))
+    return SurfaceHit(
+        np.zeros((3, count)), np.repeat(n, count, axis=1), wo, none, none, none, np.zeros((2, 1))
+    )
 
 
 def exact_fresnel(cosine, eta, k):
@@ -93,7 +98,8 @@ def exact_brdf_and_pdf(n, wo, wi, alpha, eta, k):
 @pytest.mark.parametrize("alpha", [1e-3, 0.05, 1.0])
 @pytest.mark.parametrize("theta", [0.0, 1e-4, 0.7, 1.5, np.pi / 2 - 1e-3, np.pi / 2 - 1e-6])
 def test_brdf_and_pdf_keep_their_digits(alpha, theta):
-    """Directions as sampled, and wide of the lobe. Catches 1 - cos^2 for the sine of the half vector: it misses 1e-9 at 1e-3.
+    """Directions as sampled, and wide of the lobe. Catches 1 - cos^2 for the sine of the half vector: it
+    misses 1e-9 at 1e-3.
 
     At 1e-6 rad a cosine of unit vectors has ten digits left, whatever is done with it.
     """
@@ -117,10 +123,12 @@ def gauss(nodes: int):
 
 
 def share_of_microfacets(cosine: float, alpha: float) -> float:
-    """The light that single scattering at mirrors returns, integrated over microfacets m instead of directions.
+    """The light that single scattering at mirrors returns, integrated over microfacets m instead of
+    directions.
 
-    E = int G2(wo, wi) (wo.m) D(m) / cos(wo) dm with wi = wo mirrored at m, m by the distribution of its slope:
-    tan^2(m) = alpha^2 v / (1 - v). 400 x 400 Gauss-Legendre nodes; the kink at the horizon leaves some 1e-5.
+    E = int G2(wo, wi) (wo.m) D(m) / cos(wo) dm with wi = wo mirrored at m, m by the distribution of its
+    slope: tan^2(m) = alpha^2 v / (1 - v). 400 x 400 Gauss-Legendre nodes; the kink at the horizon leaves some
+    1e-5.
     """
     node, weight = gauss(400)
     v, phi = (node[:, None] + 1) / 2, np.pi * (node + 1) / 2
@@ -141,16 +149,21 @@ def share_of_microfacets(cosine: float, alpha: float) -> float:
 @pytest.mark.parametrize("alpha", [1e-3, 0.1, 0.3, 0.6, 1.0])
 @pytest.mark.parametrize("cosine", [1.0, 0.8, 0.4, 0.1, 0.02])
 def test_white_furnace(alpha, cosine):
-    """A perfect mirror's microfacets return what an independent integral says, to 1e-3, and never more than comes.
+    """A perfect mirror's microfacets return what an independent integral says, to 1e-3, and never more than
+    comes.
 
-    What is missing from 1 is light that would be reflected more than once, which single scattering leaves out: up to
-    ln 2 of it, at alpha = 1 and normal incidence. A Smith term of separate factors loses another 0.05 to 0.3 at a cosine of 0.02.
+    What is missing from 1 is light that would be reflected more than once, which single scattering leaves
+    out: up to ln 2 of it, at alpha = 1 and normal incidence. A Smith term of separate factors loses another
+    0.05 to 0.3 at a cosine of 0.02.
     """
     side = 250
     grid = (np.arange(side) + 0.5) / side
     u = np.stack([part.ravel() for part in np.meshgrid(grid, grid)])
     wo = np.array([[np.sqrt(1 - cosine**2)], [0.0], [cosine]])
-    hit, mirror = hits(np.array([[0.0], [0.0], [1.0]]), np.repeat(wo, side * side, axis=1)), material(alpha, *PERFECT)
+    hit, mirror = (
+        hits(np.array([[0.0], [0.0], [1.0]]), np.repeat(wo, side * side, axis=1)),
+        material(alpha, *PERFECT),
+    )
     wi, pdf = mirror.sample(hit, u)
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = np.where(pdf > 0, mirror.evaluate(hit, wi)[0] * dot(wi, hit.n) / pdf, 0.0)
@@ -161,14 +174,19 @@ def test_white_furnace(alpha, cosine):
 
 
 def test_the_roughest_mirror_has_a_closed_form():
-    """alpha = 1 makes D = 1 / pi, so that at normal incidence E = int mu / (1 + mu) dmu = 1 - ln 2. Holds the integral of the test above."""
+    """alpha = 1 makes D = 1 / pi, so that at normal incidence E = int mu / (1 + mu) dmu = 1 - ln 2.
+
+    Holds the integral of the test above.
+    """
     assert share_of_microfacets(1.0, 1.0) == pytest.approx(1 - np.log(2), abs=1e-5)
 
 
 def test_two_materials_in_one_scene_keep_to_their_own():
     metals = [(0.3, *COPPER), (0.05, *PERFECT)]
     ball = Sphere(np.zeros(3), 1.0)
-    both = ConductorMaterials.make([ShapeDescription(ball, Conductor(eta, k, alpha)) for alpha, eta, k in metals])
+    both = ConductorMaterials.make(
+        [ShapeDescription(ball, Conductor(eta, k, alpha)) for alpha, eta, k in metals]
+    )
     n = np.array([[0.0], [0.0], [1.0]])
     wo = normalize(np.random.default_rng(2).normal(size=(3, 50)) + 3 * n)
     wi = normalize(np.random.default_rng(3).normal(size=(3, 50)) + 3 * n)

@@ -17,7 +17,9 @@ WEIGHTS = arrays(
     elements=st.sampled_from([0.0, 1.0, 3.0, 1e-9, 1e6, 1e-300, 1e300]),
 )
 UNITS = st.lists(
-    st.sampled_from([0.0, 2.0**-53, 0.25, 0.5, 0.75, BELOW_ONE]) | st.floats(0, BELOW_ONE), min_size=2, max_size=2
+    st.sampled_from([0.0, 2.0**-53, 0.25, 0.5, 0.75, BELOW_ONE]) | st.floats(0, BELOW_ONE),
+    min_size=2,
+    max_size=2,
 )
 
 
@@ -27,7 +29,9 @@ def zeros(n: int) -> np.ndarray:
 
 @given(WEIGHTS, UNITS)
 def test_a_texel_without_weight_is_never_picked_and_the_place_is_inside(weights, u):
-    """Catches a search that stops at the first of equal sums, or goes beyond the last: u = 0 and u = 1 - 2^-53 are among the cases."""
+    """Catches a search that stops at the first of equal sums, or goes beyond the last: u = 0 and u = 1 -
+    2^-53 are among the cases.
+    """
     distribution = PiecewiseConstant2D.of([weights])
     place = distribution.sample(zeros(1), np.array(u)[:, None])
     assert 0 <= place.row[0] < weights.shape[0] and 0 <= place.column[0] < weights.shape[1]
@@ -45,11 +49,15 @@ def test_sampling_inverts(weights, u):
     """Where a texel is wide in u; in a narrow one the place inside it has fewer digits than u."""
     distribution = PiecewiseConstant2D.of([weights])
     u = np.array(u)[:, None]
-    np.testing.assert_allclose(distribution.invert(zeros(1), distribution.sample(zeros(1), u)), u, rtol=0, atol=3e-16)
+    np.testing.assert_allclose(
+        distribution.invert(zeros(1), distribution.sample(zeros(1), u)), u, rtol=0, atol=3e-16
+    )
 
 
 def test_the_chance_of_a_texel_is_its_part_of_the_weight():
-    """To 1e-12 of each texel over twelve orders of magnitude in one row: catches a wrong normalisation or a transposed table."""
+    """To 1e-12 of each texel over twelve orders of magnitude in one row: catches a wrong normalisation or a
+    transposed table.
+    """
     rng = np.random.default_rng(3)
     weights = 10.0 ** rng.uniform(-3, 3, (57, 91))
     weights[20:30] = 0
@@ -74,13 +82,17 @@ def test_texels_are_picked_in_proportion_to_their_weight():
 
 
 def test_strata_stay_strata():
-    """A regular grid of u gives every row its share of samples within one line of the grid: nothing is shuffled."""
+    """A regular grid of u gives every row its share of samples within one line of the grid: nothing is
+    shuffled.
+    """
     rng = np.random.default_rng(4)
     weights = rng.exponential(size=(16, 16))
     side = 64
     line = (np.arange(side) + 0.5) / side
     u = np.stack([a.reshape(-1) for a in np.meshgrid(line, line)])
-    rows = np.bincount(PiecewiseConstant2D.of([weights]).sample(zeros(side * side), u).row, minlength=16) / side
+    rows = (
+        np.bincount(PiecewiseConstant2D.of([weights]).sample(zeros(side * side), u).row, minlength=16) / side
+    )
     assert np.abs(rows - weights.sum(axis=1) / weights.sum() * side).max() <= 1
 
 

@@ -10,7 +10,7 @@ from renderer import build, render
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.plan.plan import PRUNINGS, make_plan
 from renderer.render import RenderResult
-from scenes.description import BilinearMesh, Disk, ShapeDescription, Sphere
+from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere
 from tests.kit.scenes import GRAY, floor, light, patch, scene
 
 SMALL = {"xresolution": 48, "yresolution": 36}
@@ -33,7 +33,9 @@ CASES = [
 
 
 def same_bits(a: RenderResult, b: RenderResult) -> bool:
-    arrays = all(np.array_equal(getattr(a.film, f), getattr(b.film, f)) for f in ("count", "mean", "m2", "maximum"))
+    arrays = all(
+        np.array_equal(getattr(a.film, f), getattr(b.film, f)) for f in ("count", "mean", "m2", "maximum")
+    )
     return arrays and np.array_equal(a.tail, b.tail) and a.reflected_sum == b.reflected_sum
 
 
@@ -62,12 +64,18 @@ def test_bits_do_not_depend_on_chunks_or_threads(name):
 
 
 def random_shape(rng: np.random.Generator):
-    """A patch, a patch of two, a sphere or a disk, half of them aligned with the axes, half emitting, some two-sided."""
+    """A patch, a patch of two, a sphere or a disk, half of them aligned with the axes, half emitting, some
+    two-sided.
+    """
     c, x = rng.uniform(-2, 2, 3), rng.normal(size=3)
     y = np.cross(x, rng.normal(size=3))
     if rng.random() < 0.5:  # the planes that the plan reasons with, and coordinates that coincide
         axis = int(rng.integers(3))
-        c, x, y = np.round(c), np.eye(3)[axis], np.eye(3)[(axis + int(rng.integers(1, 3))) % 3] * rng.choice([-1, 1])
+        c, x, y = (
+            np.round(c),
+            np.eye(3)[axis],
+            np.eye(3)[(axis + int(rng.integers(1, 3))) % 3] * rng.choice([-1, 1]),
+        )
     emits = tuple(rng.uniform(0.5, 3, 3)) if rng.random() < 0.4 else None
     two_sided, kind = bool(rng.random() < 0.3), int(rng.integers(4))
     if kind == 0:
@@ -82,13 +90,17 @@ def random_shape(rng: np.random.Generator):
 
 
 def random_scene(seed: int):
-    """Anything anywhere, in any order, often touching: behind lights, in their planes, across every horizon."""
+    """Anything anywhere, in any order, often touching: behind lights, in their planes, across every
+    horizon.
+    """
     rng = np.random.default_rng(seed)
     shapes = [random_shape(rng) for _ in range(rng.integers(2, 6))]
     shapes += [floor(3.0, material=GRAY)] if seed % 2 else []
     lamp = patch([-0.5, 2.5, -0.5], [1, 0, 0], [0, 0, 1], (1.0, 1.0, 1.0), two_sided=seed % 5 == 0)
     shapes += (
-        [lamp] if seed % 4 else [lamp, ShapeDescription(Disk(np.array([0, 2.5, 0]), np.array([0, 1.0, 0]), 0.9), GRAY)]
+        [lamp]
+        if seed % 4
+        else [lamp, ShapeDescription(Disk(np.array([0, 2.5, 0]), np.array([0, 1.0, 0]), 0.9), GRAY)]
     )
     order = rng.permutation(len(shapes))
     eye = rng.uniform([-4, -2, -4], [4, 6, 4])
@@ -106,7 +118,9 @@ def test_no_bit_changes_in_scenes_made_at_random(seed):
 
 
 def test_the_random_scenes_are_worth_the_name():
-    """Most have light, most of those have shade, and shade comes from shapes of any number, the first one too."""
+    """Most have light, most of those have shade, and shade comes from shapes of any number, the first one
+    too.
+    """
     lit = shaded = first = 0
     for seed in SEEDS:
         built = build(random_scene(seed))

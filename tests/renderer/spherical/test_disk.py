@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from renderer.lights.disk import DiskLights
 from renderer.math.vectors import dot, frame_about, normalize
 from renderer.spherical.disk import FLAT, disk_view, invert, sample, solid_angle
-from scenes.description import Diffuse, Disk, Emission, ShapeDescription
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Disk, Emission, ShapeDescription
 
 DIGITS = 50
 # What is promised is 2e-15; a formula with any cancellation at all loses a factor of ten in one of the cases.
 PROMISED = 1e-14
 
-# (height, offset), the radius being 1: over the disk, in its plane but for nothing, by the rim, grazing, far, on the axis.
+# (height, offset), the radius being 1: over the disk, in its plane but for nothing, by the rim, grazing, far,
+# on the axis.
 POINTS = {
     "near": (0.5, 0.3),
     "aside": (0.7, 2.1),
@@ -42,7 +44,9 @@ POINTS = {
 
 
 def exact(height: float, offset: float, radius: float = 1.0) -> mp.mpf:
-    """Paxton's form in Legendre's integrals K and Pi: it cancels by the cube of the distance, hence the further digits."""
+    """Paxton's form in Legendre's integrals K and Pi: it cancels by the cube of the distance, hence the
+    further digits.
+    """
     reach = max(height / radius, offset / radius, radius / max(height, 1e-300), 1.0)
     with mp.workdps(DIGITS + 20 + int(3 * np.log10(reach))):
         h, o, r = (mp.mpf(float(v)) for v in (height, offset, radius))
@@ -54,7 +58,9 @@ def exact(height: float, offset: float, radius: float = 1.0) -> mp.mpf:
 
 
 def left_of(x: mp.mpf, height: float, offset: float) -> mp.mpf:
-    """Solid angle of the part of the unit disk within x of its near end, by strips across: no elliptic integral."""
+    """Solid angle of the part of the unit disk within x of its near end, by strips across: no elliptic
+    integral.
+    """
     h, o = mp.mpf(float(height)), mp.mpf(float(offset))
 
     def strip(t):
@@ -71,7 +77,10 @@ def left_of(x: mp.mpf, height: float, offset: float) -> mp.mpf:
 
 
 def view_of(height, offset):
-    h, o = np.atleast_1d(np.asarray(height, dtype=np.float64)), np.atleast_1d(np.asarray(offset, dtype=np.float64))
+    h, o = (
+        np.atleast_1d(np.asarray(height, dtype=np.float64)),
+        np.atleast_1d(np.asarray(offset, dtype=np.float64)),
+    )
     return disk_view(h, o, np.ones_like(h))
 
 
@@ -89,7 +98,9 @@ def test_solid_angle_at_random() -> None:
     height = 10 ** rng.uniform(-12, 6, 150)
     kind = rng.integers(0, 3, 150)
     rim = 1 + rng.choice([-1, 1], 150) * 10 ** rng.uniform(-14, -0.1, 150)
-    offset = np.where(kind == 0, 10 ** rng.uniform(-12, 6, 150), np.where(kind == 1, rim, rng.uniform(0, 3, 150)))
+    offset = np.where(
+        kind == 0, 10 ** rng.uniform(-12, 6, 150), np.where(kind == 1, rim, rng.uniform(0, 3, 150))
+    )
     values = solid_angle(view_of(height, offset))
     errors = [float(abs(v / exact(h, o) - 1)) for v, h, o in zip(values, height, offset, strict=True)]
     worst = int(np.argmax(errors))
@@ -98,18 +109,23 @@ def test_solid_angle_at_random() -> None:
 
 
 def test_limits() -> None:
-    """A hemisphere from the surface, nothing from the plane, half of one from the rim, 2 pi (1 - cos) on the axis."""
+    """A hemisphere from the surface, nothing from the plane, half of one from the rim, 2 pi (1 - cos) on the
+    axis.
+    """
     assert solid_angle(view_of([0.0, 0.0, 0.0], [0.0, 0.5, 2.0])).tolist() == [0, 0, 0]
     over = solid_angle(view_of([1e-13, 1e-29, 1e-31, 1e-200], [0.4, 0.4, 0.4, 0.4]))
     np.testing.assert_allclose(over, 2 * np.pi, rtol=3e-13)
     np.testing.assert_allclose(solid_angle(view_of(1e-15, 1.0)), np.pi, rtol=1e-13)
-    np.testing.assert_allclose(solid_angle(view_of([-0.5], [0.3])), solid_angle(view_of([0.5], [0.3])), rtol=0)
+    np.testing.assert_allclose(
+        solid_angle(view_of([-0.5], [0.3])), solid_angle(view_of([0.5], [0.3])), rtol=0
+    )
     h = np.array([1e-3, 0.1, 1.0, 30.0])
     root = np.sqrt(1 + h * h)
     np.testing.assert_allclose(solid_angle(view_of(h, 0 * h)), 2 * np.pi / (root * (root + h)), rtol=PROMISED)
 
 
-# Where a half-angle is 45 degrees the root finds its sine on one side and its cosine on the other; FLAT is met over the surface.
+# Where a half-angle is 45 degrees the root finds its sine on one side and its cosine on the other; FLAT is
+# met over the surface.
 THRESHOLDS = {
     "minor half-angle of 45 degrees": (0.6, 0.8, (0.6, 0.8)),
     "tilt of 45 degrees": (0.75, 1.25, (0.75, -1.25)),
@@ -120,7 +136,9 @@ THRESHOLDS = {
 @pytest.mark.parametrize("name", THRESHOLDS)
 @pytest.mark.parametrize("step", [1e-15, 1e-12, 1e-9, 1e-6])
 def test_across_a_threshold(name: str, step: float) -> None:
-    """On both sides the solid angle is exact and the samples go on as they were: a branch that differed by 1e-13 would show."""
+    """On both sides the solid angle is exact and the samples go on as they were: a branch that differed by
+    1e-13 would show.
+    """
     h, o, (dh, do) = THRESHOLDS[name]
     heights, offsets = np.array([h - step * dh, h + step * dh]), np.array([o - step * do, o + step * do])
     view = view_of(heights, offsets)
@@ -135,10 +153,19 @@ def test_across_a_threshold(name: str, step: float) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["near", "aside", "on the axis", "1e-3 over the centre", "over the rim", "grazing by 1e-6", "1e6 radii away"],
+    [
+        "near",
+        "aside",
+        "on the axis",
+        "1e-3 over the centre",
+        "over the rim",
+        "grazing by 1e-6",
+        "1e6 radii away",
+    ],
 )
 def test_samples_divide_the_solid_angle(name: str) -> None:
-    """u[0] is the share of the solid angle on the near side of the sample's meridian, u[1] of the chord's sine of latitude.
+    """u[0] is the share of the solid angle on the near side of the sample's meridian, u[1] of the chord's
+    sine of latitude.
 
     Against 50 digits: catches a share off by 1e-10, which is what a sample's own rounding leaves at 1e-6 rad.
     """
@@ -170,7 +197,9 @@ def hard_views(n: int, seed: int):
 
 
 def test_inverse_of_the_samples() -> None:
-    """invert(sample(u)) == u to 1e-6 from 1e-12 sr to 2 pi, in every position; a step less in the search loses 1e-4."""
+    """invert(sample(u)) == u to 1e-6 from 1e-12 sr to 2 pi, in every position; a step less in the search
+    loses 1e-4.
+    """
     view, rng = hard_views(20_000, 5)
     omega = solid_angle(view)
     u = rng.random((2, omega.size))
@@ -231,7 +260,9 @@ def light_of(center, normal, radius: float, radiance=(3.0, 2.0, 1.0), two_sided:
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(_VECTOR, _UNIT, st.floats(0.01, 3), _VECTOR, st.floats(-6, 6))
 def test_pdf_of_any_disk_anywhere(center, normal, radius, p, exponent) -> None:
-    """pdf > 0 where sampled, the same when asked, exact, and 1 in all over the cone that holds the disk (to 3 %: 8192 points)."""
+    """pdf > 0 where sampled, the same when asked, exact, and 1 in all over the cone that holds the disk (to 3
+    %: 8192 points).
+    """
     scale = 10.0**exponent
     assume(abs(float((p - center) @ normal)) > 1e-3)
     n = 8192
@@ -264,7 +295,9 @@ def test_pdf_of_any_disk_anywhere(center, normal, radius, p, exponent) -> None:
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(_VECTOR, _UNIT, st.floats(0.01, 3), _VECTOR, st.floats(-6, 6), _UNIT, _VECTOR)
 def test_moved_turned_and_scaled(center, normal, radius, p, exponent, turn, shift) -> None:
-    """Solid angles stay, to the rounding that moving brings; at scale 10^(+-6) and with the origin three sizes away."""
+    """Solid angles stay, to the rounding that moving brings; at scale 10^(+-6) and with the origin three
+    sizes away.
+    """
     height = float((p - center) @ normal)
     assume(abs(height) > 1e-2)
     scale = 10.0**exponent
@@ -289,7 +322,9 @@ def test_one_side_emits() -> None:
     at, u = np.zeros(4, dtype=np.int64), np.full((2, 4), 0.4)
     one = light_of([0.0, 0, 0], [0.0, 0, 1], 1.0).techniques["solid-angle"].sample_direction(at, p, p, u)
     two = (
-        light_of([0.0, 0, 0], [0.0, 0, 1], 1.0, two_sided=True).techniques["solid-angle"].sample_direction(at, p, p, u)
+        light_of([0.0, 0, 0], [0.0, 0, 1], 1.0, two_sided=True)
+        .techniques["solid-angle"]
+        .sample_direction(at, p, p, u)
     )
     assert one.valid.tolist() == [False, True, False, False]
     assert two.valid.tolist() == [True, True, False, False]

@@ -1,4 +1,6 @@
-"""Irradiance of disks and spheres against 40 digits, against adaptive quadrature, against the references' own formulas, and across thresholds."""
+"""Irradiance of disks and spheres against 40 digits, against adaptive quadrature, against the references' own
+formulas, and across thresholds.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,20 @@ from renderer.lights.sphere import SphereLights
 from renderer.spherical import disk_irradiance as formulas
 from renderer.spherical.disk import disk_view
 from renderer.spherical.disk_irradiance import NARROW, disk_irradiance, sphere_irradiance
-from scenes.description import Diffuse, Disk, Emission, ShapeDescription, Sphere
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Disk, Emission, ShapeDescription, Sphere
 from tests.kit import exact_radiometry as exact
 from tests.kit.exact_radiometry import unit
 
 UP = np.array([0.0, 0, 1])
 ORIGIN = np.zeros(3)
-# Relative error of what is wholly above the horizon, and absolute error of what is cut by it: a few roundings.
+# Relative error of what is wholly above the horizon, and absolute error of what is cut by it: a few
+# roundings.
 PROMISED, CANCELLING = 1e-13, 4e-15
 TILTED = unit([0.1, 0.3, -1])
 
-# p, n, radius of a disk at the origin that emits towards +z, and what is allowed: a relative error, or None for CANCELLING alone
+# p, n, radius of a disk at the origin that emits towards +z, and what is allowed: a relative error, or None
+# for CANCELLING alone
 DISKS = {
     "near": ((0.3, 0.2, 1.0), TILTED, 1.0, PROMISED),
     "on the axis": ((0.0, 0, 1), TILTED, 1.0, PROMISED),
@@ -65,14 +70,20 @@ SPHERES = {
 }
 
 
-def disk_light(radius: float = 1.0, center=ORIGIN, normal=UP, radiance=(1.0, 1.0, 1.0), two_sided: bool = False):
+def disk_light(
+    radius: float = 1.0, center=ORIGIN, normal=UP, radiance=(1.0, 1.0, 1.0), two_sided: bool = False
+):
     disk = Disk(np.asarray(center, dtype=np.float64), np.asarray(normal, dtype=np.float64), radius)
     shape = ShapeDescription(disk, Diffuse(np.zeros(3)), Emission(np.array(radiance), two_sided))
     return DiskLights.make([shape], [0])
 
 
 def sphere_light(
-    radius: float = 1.0, center=ORIGIN, reverse: bool = False, radiance=(1.0, 1.0, 1.0), two_sided: bool = False
+    radius: float = 1.0,
+    center=ORIGIN,
+    reverse: bool = False,
+    radiance=(1.0, 1.0, 1.0),
+    two_sided: bool = False,
 ):
     sphere = Sphere(np.asarray(center, dtype=np.float64), radius, reverse=reverse)
     shape = ShapeDescription(sphere, Diffuse(np.zeros(3)), Emission(np.array(radiance), two_sided))
@@ -106,7 +117,9 @@ def test_sphere(case: str) -> None:
 
 
 def test_disks_at_random_against_40_digits() -> None:
-    """Two dozen disks across the horizon, over twelve decades: conditioning is what rounding n by 1e-16 does to what is visible."""
+    """Two dozen disks across the horizon, over twelve decades: conditioning is what rounding n by 1e-16 does
+    to what is visible.
+    """
     rng = np.random.default_rng(8)
     for _ in range(24):
         height, offset = 10 ** rng.uniform(-6, 4), 10 ** rng.uniform(-6, 4)
@@ -117,7 +130,9 @@ def test_disks_at_random_against_40_digits() -> None:
         view = disk_view(np.array([height]), np.array([offset]), np.ones(1))
         solid = np.pi * view.sin_minor[0] * view.sin_major[0]
         error = float(abs(irradiance(disk_light(), p, n)[0, 0] - exact.disk(p, n, ORIGIN, UP, 1.0)))
-        assert error < max(4e-16 * solid, PROMISED * solid * view.sin_minor[0]) + 4e-16 * (view.sin_major[0] > 0.1)
+        assert error < max(4e-16 * solid, PROMISED * solid * view.sin_minor[0]) + 4e-16 * (
+            view.sin_major[0] > 0.1
+        )
 
 
 def _over_plane(p, n) -> float:
@@ -127,14 +142,18 @@ def _over_plane(p, n) -> float:
         r = np.array([x, y, 0.0]) - p
         return max(0.0, float(r @ n)) * p[2] / float(r @ r) ** 2
 
-    return dblquad(f, -1, 1, lambda x: -np.sqrt(1 - x * x), lambda x: np.sqrt(1 - x * x), epsabs=1e-8, epsrel=1e-8)[0]
+    return dblquad(
+        f, -1, 1, lambda x: -np.sqrt(1 - x * x), lambda x: np.sqrt(1 - x * x), epsabs=1e-8, epsrel=1e-8
+    )[0]
 
 
 @pytest.mark.parametrize(
     "n", [TILTED, unit((1, 0.3, -0.1)), unit((-0.4, 1.0, 0.2))], ids=["above", "across", "mostly below"]
 )
 def test_the_formula_is_the_area_integral(n: np.ndarray) -> None:
-    """A wrong formula cannot pass, as the cubature shares nothing with it; 1e-6 is the cubature's own doubt at the kink."""
+    """A wrong formula cannot pass, as the cubature shares nothing with it; 1e-6 is the cubature's own doubt
+    at the kink.
+    """
     p = np.array([0.3, 0.2, 0.8])
     assert irradiance(disk_light(), p, n)[0, 0] == pytest.approx(_over_plane(p, n), rel=1e-6)
 
@@ -156,7 +175,9 @@ def test_agrees_with_the_references() -> None:
 @pytest.mark.parametrize("step", [1e-15, 1e-9, 1e-4])
 @pytest.mark.parametrize("depth", [-1.0, 1.0])
 def test_across_first_and_last_contact_with_the_horizon(step: float, depth: float) -> None:
-    """The cone touches the horizon from below and from above: the cut form meets 0, and pi sin a sin b cos, without a jump."""
+    """The cone touches the horizon from below and from above: the cut form meets 0, and pi sin a sin b cos,
+    without a jump.
+    """
     slope = np.array([1 - step, 1 + step]) * 0.6  # tangent of the half-angle of a disk of radius 0.6 at 1
     n = np.stack([np.ones(2), np.zeros(2), depth * slope]) / np.sqrt(1 + slope * slope)
     view = disk_view(np.ones(2), np.zeros(2), np.full(2, 0.6))
@@ -168,8 +189,12 @@ def test_across_first_and_last_contact_with_the_horizon(step: float, depth: floa
 
 @pytest.mark.parametrize("factor", [1 - 1e-9, 1 + 1e-9])
 @pytest.mark.parametrize("level", [0.0, 0.5, -0.9])
-def test_across_the_hand_over_to_the_cubature(factor: float, level: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At NARROW both forms hold: each is exact there to 1e-12, and they agree with one another on both sides of it."""
+def test_across_the_hand_over_to_the_cubature(
+    factor: float, level: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At NARROW both forms hold: each is exact there to 1e-12, and they agree with one another on both sides
+    of it.
+    """
     half = np.sqrt(1 - level * level) if level < 0 else 1.0
     tangent = NARROW / half * factor
     n = unit((1.0, 0.3, 0.0))
@@ -206,7 +231,9 @@ _UNIT = _VECTOR.filter(lambda v: float(v @ v) > 1e-2).map(lambda v: v / np.sqrt(
 @settings(max_examples=80, deadline=None, derandomize=True)
 @given(_VECTOR, _UNIT, _UNIT, st.floats(-6, 6), _UNIT, _VECTOR, st.floats(0.1, 1e3))
 def test_moved_turned_scaled_and_brightened(p, n, normal, exponent, turn, shift, bright) -> None:
-    """Disk and sphere: the same irradiance wherever the scene is and however large, in proportion to the radiance, in [0, pi L]."""
+    """Disk and sphere: the same irradiance wherever the scene is and however large, in proportion to the
+    radiance, in [0, pi L].
+    """
     assume(abs(float(p @ normal)) > 0.05)
     assume(abs(np.linalg.norm(p) - 0.9) > 0.05)
     scale = 10.0**exponent
@@ -227,14 +254,23 @@ def test_moved_turned_scaled_and_brightened(p, n, normal, exponent, turn, shift,
 
 
 def test_known_values() -> None:
-    """A disk along its axis, a sphere, the inside of a sphere; behind, in the plane, and inside: exactly 0."""
+    """A disk along its axis, a sphere, the inside of a sphere; behind, in the plane, and inside: exactly
+    0.
+    """
     p = np.array([[0.0, 0, 0.5], [0, 0, 2], [0, 0, 30]])
     h2 = p[:, 2] ** 2
-    np.testing.assert_allclose(irradiance(disk_light(1.7), p, -UP)[0], np.pi * 1.7**2 / (1.7**2 + h2), rtol=1e-14)
+    np.testing.assert_allclose(
+        irradiance(disk_light(1.7), p, -UP)[0], np.pi * 1.7**2 / (1.7**2 + h2), rtol=1e-14
+    )
     p[:, 2] += 2
-    np.testing.assert_allclose(irradiance(sphere_light(1.7), p, -UP)[0], np.pi * 1.7**2 / p[:, 2] ** 2, rtol=1e-14)
+    np.testing.assert_allclose(
+        irradiance(sphere_light(1.7), p, -UP)[0], np.pi * 1.7**2 / p[:, 2] ** 2, rtol=1e-14
+    )
     inside = [[0.0, 0, 0], [0.5, 0.1, 0], [0, 0, -0.999999]]
-    assert irradiance(sphere_light(reverse=True, radiance=(3.0, 2.0, 1.0)), inside, UP)[0].tolist() == [3 * np.pi] * 3
+    assert (
+        irradiance(sphere_light(reverse=True, radiance=(3.0, 2.0, 1.0)), inside, UP)[0].tolist()
+        == [3 * np.pi] * 3
+    )
     assert irradiance(sphere_light(), inside, UP).tolist() == np.zeros((3, 3)).tolist()
     assert irradiance(sphere_light(reverse=True), p, -UP).tolist() == np.zeros((3, 3)).tolist()
     assert irradiance(disk_light(), [[0.1, 0, -1.0], [0.1, 0, 0], [3, 0, 0], [1, 0, 0]], UP).max() == 0

@@ -9,7 +9,9 @@ from renderer.spherical.elliptic import complete, symmetric
 
 
 def test_complete() -> None:
-    """Down to the ratio of 2e-8 that a point at rounding distance from a rim brings; one mean less leaves 2e-14 there, two 1e-7."""
+    """Down to the ratio of 2e-8 that a point at rounding distance from a rim brings; one mean less leaves
+    2e-14 there, two 1e-7.
+    """
     rng = np.random.default_rng(12)
     kc = np.concatenate((10 ** rng.uniform(-7.7, 0, 40), [2e-8, 1.0, 1.0, 2e-8]))
     p = np.concatenate((10 ** rng.uniform(0, 30, 40), [1.0, 1.0, 1e30, 1e30]))
@@ -22,13 +24,17 @@ def test_complete() -> None:
 
 
 def test_symmetric() -> None:
-    """R_J of the arguments that disks bring, from equal ones to cosines 1e-30 apart: a step less at CLOSE = 0.1 fails here; the bound itself has slack."""
+    """R_J of the arguments that disks bring, from equal ones to cosines 1e-30 apart: a step less at CLOSE =
+    0.1 fails here; the bound itself has slack.
+    """
     rng = np.random.default_rng(11)
     usual = rng.uniform(0.001, 1, (2, 80))
     a = np.concatenate(
         (usual[0], 10 ** rng.uniform(-60, 0, 40), 1 - 10 ** rng.uniform(-15, 0, 40), [1.0, 1e-60, 1e-60])
     )
-    b = np.concatenate((usual[1], 10 ** rng.uniform(-60, 0, 40), 1 - 10 ** rng.uniform(-15, 0, 40), [1.0, 1.0, 1e-60]))
+    b = np.concatenate(
+        (usual[1], 10 ** rng.uniform(-60, 0, 40), 1 - 10 ** rng.uniform(-15, 0, 40), [1.0, 1.0, 1e-60])
+    )
     b = np.maximum(a, b)
     t = np.where(rng.random(a.size) < 0.2, 0.0, 10 ** rng.uniform(-8, 8, a.size))
     ab = a * b

@@ -1,4 +1,6 @@
-"""The two maps of the sphere: where a point of the image is, there and back, and how much solid angle it has."""
+"""The two maps of the sphere: where a point of the image is, there and back, and how much solid angle it
+has.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from renderer.spherical.latlong import sphere_to_square as polar_square
 from renderer.spherical.octahedral import sphere_to_square, square_to_sphere
 
 R = np.sqrt(0.5)
-# By hand from pbrt's EqualAreaSquareToSphere: u = 2x - 1, v = 2y - 1, r = 1 - |1 - |u| - |v||, z = +-(1 - r^2),
+# By hand from pbrt's EqualAreaSquareToSphere: u = 2x - 1, v = 2y - 1, r = 1 - |1 - |u| - |v||, z = +-(1 -
+# r^2),
 # phi = ((|v| - |u|)/r + 1) pi/4, the signs of u and v on cos and sin; k = r sqrt(2 - r^2).
 K = 0.5 * np.sqrt(1.75)
 BY_HAND = [
@@ -50,7 +53,9 @@ def grid(height: int, width: int, latlong: bool) -> SphereGrid:
 
 @pytest.mark.parametrize(("square", "direction"), BY_HAND)
 def test_octahedral_points_by_hand(square, direction):
-    np.testing.assert_allclose(square_to_sphere(np.array(square, dtype=float)[:, None])[:, 0], direction, atol=2e-16)
+    np.testing.assert_allclose(
+        square_to_sphere(np.array(square, dtype=float)[:, None])[:, 0], direction, atol=2e-16
+    )
 
 
 @given(UNIT, UNIT)
@@ -78,7 +83,9 @@ def test_a_direction_comes_back_from_the_square(w):
 
 
 def test_near_the_upper_pole_relative_digits_survive():
-    """In the middle of the square r is as small as one likes; 1e-12 of an angle of 1e-12 is kept but for the rounding of 1/2 + r."""
+    """In the middle of the square r is as small as one likes; 1e-12 of an angle of 1e-12 is kept but for the
+    rounding of 1/2 + r.
+    """
     angle = 2.0 ** -np.arange(2, 20)
     w = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     r = 2 * (sphere_to_square(w)[0] - 0.5)
@@ -98,7 +105,9 @@ def test_the_square_comes_back_from_the_direction(a, b):
 
 
 def test_octahedral_areas_are_equal():
-    """The Jacobian by central differences is 4 pi to 1e-6, at some 1,000 points off creases and poles: an unequal area is caught anywhere."""
+    """The Jacobian by central differences is 4 pi to 1e-6, at some 1,000 points off creases and poles: an
+    unequal area is caught anywhere.
+    """
     u = np.random.default_rng(1).random((2, 1000))
     a, b = np.abs(2 * u - 1)
     off_poles = (a + b > 0.05) & (a + b < 1.95)
@@ -128,10 +137,14 @@ def test_latitude_longitude_by_hand(direction, square):
 
 @pytest.mark.parametrize("latlong", [False, True])
 @given(
-    st.integers(0, 62), st.integers(0, 62), *[st.sampled_from([0.0, 0.5, BELOW_ONE]) | st.floats(1e-6, 1 - 1e-6)] * 2
+    st.integers(0, 62),
+    st.integers(0, 62),
+    *[st.sampled_from([0.0, 0.5, BELOW_ONE]) | st.floats(1e-6, 1 - 1e-6)] * 2,
 )
 def test_a_place_comes_back_from_its_direction(latlong, row, column, x, y):
-    """To 1e-11 of a texel of a 63x63 image; at an edge the direction may be given to the neighbour, and must then be the same."""
+    """To 1e-11 of a texel of a 63x63 image; at an edge the direction may be given to the neighbour, and must
+    then be the same.
+    """
     g = grid(63, 63, latlong)
     at = np.zeros(1, dtype=np.int64)
     place = Place(np.array([row]), np.array([column]), np.array([x]), np.array([y]))
@@ -147,7 +160,9 @@ def test_a_place_comes_back_from_its_direction(latlong, row, column, x, y):
 
 @pytest.mark.parametrize(("height", "width"), [(1, 1), (4, 7), (1024, 2)])
 def test_latitude_longitude_texels_have_their_solid_angles(height, width):
-    """Against cos a - cos b to fifty digits, to 1e-14 relative: the polar rows of 1,024 too, where the difference cancels."""
+    """Against cos a - cos b to fifty digits, to 1e-14 relative: the polar rows of 1,024 too, where the
+    difference cancels.
+    """
     with mpmath.workdps(50):
         edge = [mpmath.cos(mpmath.pi * i / height) for i in range(height + 1)]
         exact = [float(2 * mpmath.pi / width * (edge[i] - edge[i + 1])) for i in range(height)]
@@ -158,7 +173,9 @@ def test_latitude_longitude_texels_have_their_solid_angles(height, width):
 
 @pytest.mark.parametrize(("size", "latlong"), [((6, 6), False), ((6, 4), True), ((2, 2), False)])
 def test_the_part_above_the_horizon_is_what_samples_say(size, latlong):
-    """4.5 standard errors of 4,000 uniform places a texel: a texel counted whole that is cut in half is 60 off."""
+    """4.5 standard errors of 4,000 uniform places a texel: a texel counted whole that is cut in half is 60
+    off.
+    """
     g = grid(*size, latlong)
     count = 4000
     row, column = (a.reshape(-1).repeat(count) for a in np.mgrid[: size[0], : size[1]])

@@ -1,4 +1,6 @@
-"""The irradiance of polygons against Lambert's sum in 50 digits: tiny, near, edge-on, low, and clipped by the horizon."""
+"""The irradiance of polygons against Lambert's sum in 50 digits: tiny, near, edge-on, low, and clipped by the
+horizon.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,22 @@ from renderer.interfaces.light import LIGHTS
 from renderer.math.vectors import normalize
 from renderer.spherical.projected import LAMBERT, projected_solid_angle, sample
 from renderer.spherical.sectors import NARROW
-from scenes.description import BilinearMesh, Diffuse, Emission, ShapeDescription, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Emission, ShapeDescription, TriangleMesh
 from tests.kit.exact_radiometry import _clip, cross, dot, norm, unit, vector
 
 TRIANGLE = np.array([[-1.0, -0.4, 0.0], [1.3, -0.7, 0.0], [0.2, 0.9, 0.0]])
 SQUARE = np.array([[-1.0, -0.5, 0.0], [1.0, -0.5, 0.0], [1.0, 0.5, 0.0], [-1.0, 0.5, 0.0]])
-NORMALS = [unit(n) for n in ([0, 0, 1], [0.1, 0.3, 1], [1, 0.2, 0.1], [1, 0, 0], [1, 0.3, -0.3], [0.3, -1, 0])]
-PLACES = {"inside": (0.1, 0.1), "an edge": (0.15, -0.5), "beside": (2, 1), "far": (-30, -10), "a corner": (1, 0.5)}
+NORMALS = [
+    unit(n) for n in ([0, 0, 1], [0.1, 0.3, 1], [1, 0.2, 0.1], [1, 0, 0], [1, 0.3, -0.3], [0.3, -1, 0])
+]
+PLACES = {
+    "inside": (0.1, 0.1),
+    "an edge": (0.15, -0.5),
+    "beside": (2, 1),
+    "far": (-30, -10),
+    "a corner": (1, 0.5),
+}
 CASES = {
     f"{kind} over {name} at {h}": shape - [x, y, -h]
     for kind, shape in (("triangle", TRIANGLE), ("rectangle", SQUARE))
@@ -64,7 +75,8 @@ def exact(corners, n: np.ndarray) -> mp.mpf:
 def test_irradiance_keeps_its_digits(name):
     """To 1e-9 relative down to 1e-22, where Lambert's sum itself has nothing left below 1e-16.
 
-    Above an edge or a corner at 1e-6, and where all is as thin as that, some 1e-16 of the size over the distance is lost.
+    Above an edge or a corner at 1e-6, and where all is as thin as that, some 1e-16 of the size over the
+    distance is lost.
     """
     worst = 0.0
     for n in NORMALS:
@@ -76,7 +88,9 @@ def test_irradiance_keeps_its_digits(name):
 
 
 def test_narrow_sectors_join_wide_ones():
-    """Across NARROW both ways, in azimuth and in steepness: Gauss nodes and closed form agree with 50 digits to 1e-12."""
+    """Across NARROW both ways, in azimuth and in steepness: Gauss nodes and closed form agree with 50 digits
+    to 1e-12.
+    """
     for factor in (0.5, 0.99, 1.01, 2.0):
         for direction in ([1.0, 0, 0.3], [1.0, 0, 1e-4], [1.0, 0, 30.0], [0.1, 0.1, 1.0]):
             for across, up in ((1.0, 0.3), (0.05, 5.0), (1.0, 20.0)):
@@ -113,7 +127,8 @@ def test_the_zenith_walks_in_through_edges_and_corners():
 
 
 def test_the_horizon_walks_over_corners():
-    """Clipping sets in at each corner in turn, with one corner exactly on the horizon among the steps, and never jumps.
+    """Clipping sets in at each corner in turn, with one corner exactly on the horizon among the steps, and
+    never jumps.
 
     A tip of 1e-9 is known to 1e-7 only, for that is what rounding leaves of its height.
     """
@@ -141,7 +156,9 @@ def test_what_cannot_be_seen_gives_exactly_nothing():
 @pytest.mark.parametrize("two_sided", [False, True])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_lights_shine_on_the_side_of_their_normal(kind, two_sided, reverse):
-    """The irradiance of a light: radiance times projected solid angle on its own side, exactly 0 behind unless two-sided."""
+    """The irradiance of a light: radiance times projected solid angle on its own side, exactly 0 behind
+    unless two-sided.
+    """
     rgb = np.array([3.0, 2.0, 1.0])
     if kind == "rectangle":
         mesh = BilinearMesh(SQUARE[[0, 1, 3, 2]], np.array([[0, 1, 2, 3]]), reverse)
@@ -180,7 +197,10 @@ def test_parts_add_up_however_it_is_turned(p, n, share, power, axis):
     n, corners = unit(n), SQUARE - p
     whole = irradiance(corners, n)
     low, high = (a + share * (b - a) for a, b in ((corners[0], corners[1]), (corners[3], corners[2])))
-    parts = [irradiance(part, n) for part in ([corners[0], low, high, corners[3]], [low, corners[1], corners[2], high])]
+    parts = [
+        irradiance(part, n)
+        for part in ([corners[0], low, high, corners[3]], [low, corners[1], corners[2], high])
+    ]
     assert sum(parts) == pytest.approx(whole, rel=1e-10, abs=1e-22)
     axis = unit(axis)
     mirrored, turned = (v - 2 * np.outer(v @ axis, axis) for v in (corners, n[None]))

@@ -1,4 +1,6 @@
-"""Samples of the projected solid angle: sectors against quadrature in 30 digits, the way back, and what is left at the ends."""
+"""Samples of the projected solid angle: sectors against quadrature in 30 digits, the way back, and what is
+left at the ends.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from tests.renderer.spherical.test_polygon_irradiance import CASES, NORMALS, SQU
 
 U = np.random.default_rng(6).random((2, 40)) * 0.998 + 0.001
 
-# (start, outer slope, excess, width): level, climbing, falling to the horizon, thin, by the zenith, steep, low
+# (start, outer slope, excess, width): level, climbing, falling to the horizon, thin, by the zenith, steep,
+# low
 SECTORS = [
     (0.5, 0.2, 0.4, 1.0),
     (0.5, -0.3, 0.9, 1.2),
@@ -35,11 +38,15 @@ EITHER = [(case, False) for case in SECTORS] + [
 ]
 
 
-def sector(start: float, outer: float, excess: float, width: float, n: int, to_zenith: bool = False) -> Sectors:
+def sector(
+    start: float, outer: float, excess: float, width: float, n: int, to_zenith: bool = False
+) -> Sectors:
     steep = max(abs(outer), abs(outer + excess)) / np.sqrt(1 + start * start)
     narrow = width < NARROW and width * steep < NARROW
     numbers = (1.0, 0.0, 1.0, width, start, outer, 0.0 if to_zenith else excess)
-    return Sectors(*(np.full(n, v) for v in numbers), np.full(n, to_zenith), np.full(n, narrow and not to_zenith))
+    return Sectors(
+        *(np.full(n, v) for v in numbers), np.full(n, to_zenith), np.full(n, narrow and not to_zenith)
+    )
 
 
 def exact(start: float, outer: float, excess: float, t: float, to_zenith: bool = False) -> mp.mpf:
@@ -66,7 +73,9 @@ def exact(start: float, outer: float, excess: float, t: float, to_zenith: bool =
 
 @pytest.mark.parametrize(("case", "to_zenith"), EITHER)
 def test_areas_of_sectors_are_their_integral_and_are_cut_where_they_should(case, to_zenith):
-    """Area to 1e-12 relative, however thin the sector, and the angle that cuts a share of it to 1e-9 of the whole."""
+    """Area to 1e-12 relative, however thin the sector, and the angle that cuts a share of it to 1e-9 of the
+    whole.
+    """
     shares = np.array([0.0, 1e-9, 1e-3, 0.3, 0.9, 1 - 1e-9, 1.0])
     s = sector(*case, shares.size, to_zenith)
     whole = exact(*case, to_zenith)
@@ -91,7 +100,8 @@ def test_within_a_sector_the_squared_distance_from_the_axis_is_uniform():
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_way_back_leads_to_u(name):
-    """|invert(sample(u)) - u| < 1e-6 where the polygon is thicker than 1e-9; below that float64 cannot hold the direction.
+    """|invert(sample(u)) - u| < 1e-6 where the polygon is thicker than 1e-9; below that float64 cannot hold
+    the direction.
 
     The cosine is that of the direction, directions are units within the polygon, and E is the irradiance.
     """
@@ -115,7 +125,9 @@ def test_the_way_back_leads_to_u(name):
 
 @pytest.mark.parametrize("shape", [SQUARE, TRIANGLE])
 def test_the_ends_of_the_unit_square_are_in_the_polygon(shape):
-    """u of 0, of the last float below 1, and next to them: finite, above the horizon, and of the polygon but for the rounding of angles."""
+    """u of 0, of the last float below 1, and next to them: finite, above the horizon, and of the polygon but
+    for the rounding of angles.
+    """
     ends = np.array([0.0, 5e-324, 1e-300, 1e-16, 0.5, 1 - 1e-16, 1 - 2**-53])
     u = np.stack([g.ravel() for g in np.meshgrid(ends, ends)])
     for n in NORMALS:
@@ -128,12 +140,15 @@ def test_the_ends_of_the_unit_square_are_in_the_polygon(shape):
             assert np.isfinite(wi).all() and (cosine >= 0).all()
             for a, b in zip(shape - p, np.roll(shape, -1, axis=0) - p, strict=True):
                 plane = np.cross(a, b) / np.linalg.norm(np.cross(a, b)) * np.sign(p[2])
-                # Beside each edge's great circle by an angle, which near the light's plane is a long way on the light.
+                # Beside each edge's great circle by an angle, which near the light's plane is a long way on
+                # the light.
                 assert (plane @ wi).max() < max(1e-13, 1e-16 / abs(p[2]))
 
 
 def test_rows_stand_alone():
-    """Bits of a row do not depend on its neighbours: searches stop by their own row, sectors are compacted and spread again."""
+    """Bits of a row do not depend on its neighbours: searches stop by their own row, sectors are compacted
+    and spread again.
+    """
     rng = np.random.default_rng(9)
     p, n = rng.normal(size=(3, 61)) * [[2.0], [2.0], [0.5]], rng.normal(size=(3, 61))
     n /= np.sqrt(dot(n, n))
@@ -153,7 +168,9 @@ _POINT = st.tuples(_COORDINATE, _COORDINATE, _COORDINATE)
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(_POINT, _POINT, st.sampled_from([SQUARE, TRIANGLE]))
 def test_the_pdf_integrates_to_one_and_the_way_back_leads_to_u(p, n, shape):
-    """By a grid over the polygon: cos / E there sums to 1 within what the horizon's kink leaves, for any receiver."""
+    """By a grid over the polygon: cos / E there sums to 1 within what the horizon's kink leaves, for any
+    receiver.
+    """
     assume(np.linalg.norm(n) > 0.1 and abs(p[2]) > 0.05)
     corner, others, ref_n = columns(shape - p, unit(n))
     e = projected_solid_angle(corner, others, ref_n)[0]

@@ -1,4 +1,6 @@
-"""The spherical rectangle against 50-digit arithmetic, across the thresholds of its branches in both directions."""
+"""The spherical rectangle against 50-digit arithmetic, across the thresholds of its branches in both
+directions.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ mp.mp.dps = 50
 
 
 def exact(x0, x1, y0, y1, z) -> mp.mpf:
-    """The solid angle by its four corners: sum of +-atan(x y / (z r)), all its cancellation paid for in digits."""
+    """The solid angle by its four corners: sum of +-atan(x y / (z r)), all its cancellation paid for in
+    digits.
+    """
 
     def corner(x, y):
         x, y, h = mp.mpf(float(x)), mp.mpf(float(y)), abs(mp.mpf(float(z)))
@@ -30,14 +34,18 @@ SIDES = [
 ]
 HEIGHTS = [10.0, 1.0, 0.1, 1e-2, 1e-3, 3e-4, 1e-4, 1e-6, 1e-9]
 TINY = [(0.3, 0.3 + s, 0.2, 0.2 + s) for s in (1e-2, 1e-4, 1e-6)] + [(3.0, 3.0 + 1e-5, -1e-5, 1e-5)]
-CASES = [(*sides, z) for sides in SIDES for z in HEIGHTS] + [(*sides, z) for sides in TINY for z in (1.0, 1e-3, -1e-3)]
+CASES = [(*sides, z) for sides in SIDES for z in HEIGHTS] + [
+    (*sides, z) for sides in TINY for z in (1.0, 1e-3, -1e-3)
+]
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_solid_angles_keep_their_digits(case):
-    """A hemisphere to 1e-14 sr, edge-on included, to 1e-13 relative: the published form would lose every digit.
+    """A hemisphere to 1e-14 sr, edge-on included, to 1e-13 relative: the published form would lose every
+    digit.
 
-    Over the middle of a rectangle the diagonal between its two triangles passes underfoot: 1e-15 of the size over z.
+    Over the middle of a rectangle the diagonal between its two triangles passes underfoot: 1e-15 of the size
+    over z.
     """
     mine = solid_angle(*(np.array([v]) for v in case))[0]
     x0, x1, y0, y1, z = case
@@ -47,10 +55,14 @@ def test_solid_angles_keep_their_digits(case):
 
 @pytest.mark.parametrize("case", CASES)
 def test_samples_split_off_the_solid_angle_that_they_should(case):
-    """x leaves u of the solid angle on its left, and y splits the strip there in v : 1 - v, to 1e-6 of the whole."""
+    """x leaves u of the solid angle on its left, and y splits the strip there in v : 1 - v, to 1e-6 of the
+    whole.
+    """
     rng = np.random.default_rng(3)
     n = 40
-    u = np.concatenate([rng.random((2, n - 4)), [[0.0, 1 - 2**-53, 1e-9, 0.5], [0.5, 0.5, 1e-9, 1 - 2**-53]]], axis=1)
+    u = np.concatenate(
+        [rng.random((2, n - 4)), [[0.0, 1 - 2**-53, 1e-9, 0.5], [0.5, 0.5, 1e-9, 1 - 2**-53]]], axis=1
+    )
     x0, x1, y0, y1, z = (np.full(n, v) for v in case)
     omega = solid_angle(x0, x1, y0, y1, z)
     x, y = invert(u, omega, x0, x1, y0, y1, z)
@@ -65,13 +77,17 @@ def _strip(x: float, case, y: float) -> mp.mpf:
     """The share of the strip at x below y: solid angle grows there as y / sqrt(x^2 + y^2 + z^2)."""
 
     def height(v):
-        return mp.mpf(float(v)) / mp.sqrt(mp.mpf(float(x)) ** 2 + mp.mpf(float(v)) ** 2 + mp.mpf(float(case[4])) ** 2)
+        return mp.mpf(float(v)) / mp.sqrt(
+            mp.mpf(float(x)) ** 2 + mp.mpf(float(v)) ** 2 + mp.mpf(float(case[4])) ** 2
+        )
 
     return (height(y) - height(case[2])) / (height(case[3]) - height(case[2]))
 
 
 def test_the_branches_meet():
-    """Sampled x just this side and just that side of each threshold: both within 1e-7 of the solid angle asked for."""
+    """Sampled x just this side and just that side of each threshold: both within 1e-7 of the solid angle
+    asked for.
+    """
     for factor in (0.99, 1.01):
         z = 2.0 / (GRAZING * factor)
         side = np.sqrt(SMALL * factor)

@@ -1,4 +1,6 @@
-"""The spherical triangle against 50-digit arithmetic, from 1e-14 sr to a hemisphere, and across each of its branches."""
+"""The spherical triangle against 50-digit arithmetic, from 1e-14 sr to a hemisphere, and across each of its
+branches.
+"""
 
 from __future__ import annotations
 
@@ -60,15 +62,23 @@ def exact_corners(corners) -> list:
 
 
 def tolerance(name: str) -> float:
-    """Rounding of 1e-16 of the size over the distance from an edge or corner, or over the width: what is promised."""
+    """Rounding of 1e-16 of the size over the distance from an edge or corner, or over the width: what is
+    promised.
+    """
     height = float(name.rsplit(" ", 1)[1]) if ", at" in name else 1.0
     lost = {"a sliver overhead": 1e-9, "one corner far": 1e-9, "two corners far": 1e-9}
-    return max(1e-12, lost.get(name, 0.0), 5e-16 / height if "over an edge" in name or "over a corner" in name else 0.0)
+    return max(
+        1e-12,
+        lost.get(name, 0.0),
+        5e-16 / height if "over an edge" in name or "over a corner" in name else 0.0,
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_solid_angles_keep_their_digits(name):
-    """To 1e-12 relative, and to what `tolerance` says of the hardest: a sum of angles minus pi would lose all below 1e-12 sr."""
+    """To 1e-12 relative, and to what `tolerance` says of the hardest: a sum of angles minus pi would lose all
+    below 1e-12 sr.
+    """
     for turn in TURNS:
         corners = CASES[name][list(turn)]
         mine = float(solid_angle(*columns(corners))[0])
@@ -76,16 +86,21 @@ def test_solid_angles_keep_their_digits(name):
 
 
 U = np.concatenate(
-    [np.random.default_rng(3).random((2, 24)), [[0.0, 1 - 2**-53, 1e-9, 0.5, 0.5], [0.5, 0.5, 1e-3, 1 - 2**-53, 1e-3]]],
+    [
+        np.random.default_rng(3).random((2, 24)),
+        [[0.0, 1 - 2**-53, 1e-9, 0.5, 0.5], [0.5, 0.5, 1e-3, 1 - 2**-53, 1e-3]],
+    ],
     axis=1,
 )
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_samples_split_off_the_solid_angle_that_they_should(name):
-    """Beside the arc from the apex to a sample lies u of the solid angle, and on it 1 - cos is divided by v, to 1e-6.
+    """Beside the arc from the apex to a sample lies u of the solid angle, and on it 1 - cos is divided by v,
+    to 1e-6.
 
-    A u at the distance r from the apex counts by r: at the apex itself it has no meaning. The way back is held to the same.
+    A u at the distance r from the apex counts by r: at the apex itself it has no meaning. The way back is
+    held to the same.
     """
     n = U.shape[1]
     for turn in TURNS:
@@ -120,7 +135,9 @@ def round_trip(corners) -> float:
 
 @pytest.mark.parametrize("angle", [np.pi / 2, np.pi - np.sqrt(2 * triangle.OPPOSITE)])
 def test_the_branches_of_angles_meet(angle):
-    """An edge seen just under and just over the angles where K, the half angles and the dealing of roles change formula."""
+    """An edge seen just under and just over the angles where K, the half angles and the dealing of roles
+    change formula.
+    """
     for shift in (-1e-3, -1e-9, 0.0, 1e-9, 1e-3):
         half = (angle + shift) / 2
         for third in ([0.0, 0.8, 1.0], [0.0, 1e-3, 1.0], [0.0, 40.0, 1.0]):
@@ -130,7 +147,9 @@ def test_the_branches_of_angles_meet(angle):
 
 
 def test_the_roles_change_hands_without_a_seam():
-    """Points that walk across the lines where another edge is the widest, or another corner the nearer one."""
+    """Points that walk across the lines where another edge is the widest, or another corner the nearer
+    one.
+    """
     for x in np.linspace(-1.5, 1.5, 61):
         assert round_trip(T - [x, 0.3 * x, -0.2]) < 1e-9
     equal = np.array([[1.0, 0, 1], [-0.5, np.sqrt(0.75), 1], [-0.5, -np.sqrt(0.75), 1]])
@@ -138,7 +157,9 @@ def test_the_roles_change_hands_without_a_seam():
 
 
 def test_nothing_is_seen_from_its_own_plane():
-    """In the plane inside and outside, on an edge, at a corner: exactly 0, and no number that is not one, nor a warning."""
+    """In the plane inside and outside, on an edge, at a corner: exactly 0, and no number that is not one, nor
+    a warning.
+    """
     inside, outside, edge, corner = [0.1, 0.1, 0], [3.0, 1, 0], (T[0] + T[1]) / 2, T[2]
     for p in (inside, outside, edge, corner):
         assert solid_angle(*columns(T - p))[0] == 0.0

@@ -44,7 +44,9 @@ def test_channels_come_back_by_name_whatever_their_order(tmp_path: Path):
 def test_float32_is_kept_exactly_and_non_finite_values_survive(tmp_path: Path):
     values = np.array([[0.0, -0.0, np.inf, -np.inf], [np.nan, 1e-42, 3.4e38, 1 / 3]])
     images.write_exr(tmp_path / "x.exr", {"Y": values})
-    np.testing.assert_array_equal(images.read_exr(tmp_path / "x.exr").channels["Y"], values.astype(np.float32))
+    np.testing.assert_array_equal(
+        images.read_exr(tmp_path / "x.exr").channels["Y"], values.astype(np.float32)
+    )
 
 
 def test_what_exceeds_float32_becomes_infinite(tmp_path: Path):
@@ -88,7 +90,12 @@ def test_an_estimate_round_trips(tmp_path: Path):
     np.testing.assert_array_equal(read.count, count)
     assert read.metadata == {"spp": "9"}
     np.testing.assert_array_equal(images.read_rgb(tmp_path / "x.exr"), mean)
-    assert set(images.read_exr(tmp_path / "x.exr").channels) == {*"RGBN", "variance.R", "variance.G", "variance.B"}
+    assert set(images.read_exr(tmp_path / "x.exr").channels) == {
+        *"RGBN",
+        "variance.R",
+        "variance.G",
+        "variance.B",
+    }
 
 
 def test_one_count_for_all_pixels(tmp_path: Path):
@@ -123,7 +130,8 @@ def test_a_truncated_file_is_said_so(tmp_path: Path, keep: float):
 
 
 def test_a_flipped_byte_in_compressed_pixels_is_said_so(tmp_path: Path):
-    # Pixels that zip does not shrink are stored as they are, without a checksum: the reference cache has its own.
+    # Pixels that zip does not shrink are stored as they are, without a checksum: the reference cache has its
+    # own.
     path = tmp_path / "x.exr"
     smooth = np.add.outer(np.arange(64.0), np.arange(64.0))
     images.write_exr(path, {"R": smooth, "G": 2 * smooth}, {})

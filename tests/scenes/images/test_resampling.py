@@ -30,7 +30,9 @@ def outside(index: int, size: int, wrap: str) -> int | None:
 
 
 def by_definition(image: np.ndarray, wrap: str) -> np.ndarray:
-    """Each new texel the weighted mean of every old one whose centre is nearer than 2 to its own, along both sides at once."""
+    """Each new texel the weighted mean of every old one whose centre is nearer than 2 to its own, along both
+    sides at once.
+    """
     height, width, channels = image.shape
     tall, wide = 2 ** math.ceil(math.log2(height)), 2 ** math.ceil(math.log2(width))
     out = np.zeros((tall, wide, channels))
@@ -52,9 +54,14 @@ def by_definition(image: np.ndarray, wrap: str) -> np.ndarray:
 @pytest.mark.parametrize("wrap", ["repeat", "clamp", "black"])
 @pytest.mark.parametrize("shape", [*SHAPES[:5], (13, 9)])
 def test_a_resized_image_is_the_one_that_the_definition_gives(shape: tuple[int, int], wrap: str) -> None:
-    """Rounding alone may differ: 1e-12. An index off by one, another border or a weight left out differ by 1e-2 and more."""
+    """Rounding alone may differ: 1e-12.
+
+    An index off by one, another border or a weight left out differ by 1e-2 and more.
+    """
     image = np.random.default_rng(3).uniform(-0.1, 1.0, (*shape, 3))
-    np.testing.assert_allclose(resized(image, wrap, unchanged), by_definition(image, wrap), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        resized(image, wrap, unchanged), by_definition(image, wrap), rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -63,7 +70,10 @@ def test_constants_stay_constant_but_for_black_borders(shape: tuple[int, int]) -
         np.testing.assert_allclose(resized(np.full((*shape, 1), 0.7), wrap, unchanged), 0.7, rtol=1e-14)
     black = resized(np.full((*shape, 1), 0.7), "black", unchanged)[..., 0]
     np.testing.assert_allclose(black[black.shape[0] // 2, black.shape[1] // 2], 0.7, rtol=0.1)
-    sides = [0 if shape[0] != black.shape[0] else slice(None), 0 if shape[1] != black.shape[1] else slice(None)]
+    sides = [
+        0 if shape[0] != black.shape[0] else slice(None),
+        0 if shape[1] != black.shape[1] else slice(None),
+    ]
     assert np.all(black[tuple(sides)] < 0.69)
 
 
@@ -83,7 +93,9 @@ def test_powers_of_two_are_left_alone(shape: tuple[int, int]) -> None:
     image = np.random.default_rng(4).random((*shape, 3))
     assert resized(image, "repeat", unchanged) is image
     tall = np.random.default_rng(4).random((5, shape[1], 3))  # and so is the side that is one
-    np.testing.assert_array_equal(resized(tall, "repeat", unchanged)[:, :1], resized(tall[:, :1], "repeat", unchanged))
+    np.testing.assert_array_equal(
+        resized(tall, "repeat", unchanged)[:, :1], resized(tall[:, :1], "repeat", unchanged)
+    )
 
 
 def test_sizes_are_rounded_up() -> None:

@@ -13,7 +13,9 @@ from scenes.errors import PenumbraError
 from scenes.images import exr as images
 
 
-def write_texture(path: Path, values: np.ndarray, kind: str = "uint8", tile: int = 0, **attributes: object) -> Path:
+def write_texture(
+    path: Path, values: np.ndarray, kind: str = "uint8", tile: int = 0, **attributes: object
+) -> Path:
     spec = oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], kind)
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.tile_width = spec.tile_height = tile
@@ -23,7 +25,9 @@ def write_texture(path: Path, values: np.ndarray, kind: str = "uint8", tile: int
     assert output is not None and output.open(str(path), spec), oiio.geterror()
     values = np.ascontiguousarray(values)
     assert (
-        output.write_tiles(0, values.shape[1], 0, values.shape[0], 0, 1, values) if tile else output.write_image(values)
+        output.write_tiles(0, values.shape[1], 0, values.shape[0], 0, 1, values)
+        if tile
+        else output.write_image(values)
     )
     assert output.close()
     return path

@@ -9,24 +9,34 @@ from scenes.pbrt.parser import parse
 
 # Directive and kind, then the parameters that are read, as "type name".
 OPTIONS = {
-    'Camera "perspective"': "float fov, float screenwindow, float frameaspectratio, float lensradius, float shutteropen",
-    'Film "rgb"': "integer xresolution, float cropwindow, integer pixelbounds, string sensor, float iso, bool savefp16",
+    'Camera "perspective"': (
+        "float fov, float screenwindow, float frameaspectratio, float lensradius, float shutteropen"
+    ),
+    'Film "rgb"': (
+        "integer xresolution, float cropwindow, integer pixelbounds, string sensor, float iso, bool savefp16"
+    ),
     'PixelFilter "gaussian"': "float xradius, float sigma",
     'Sampler "stratified"': "integer xsamples, bool jitter, integer seed",
     'Integrator "ambientocclusion"': "float maxdistance, bool cossample",
     'Integrator "path"': "integer maxdepth, string lightsampler, bool regularize",
 }
 WORLD = {
-    'LightSource "infinite"': "rgb L, spectrum L, blackbody L, float scale, float illuminance, point3 portal, string filename",
+    'LightSource "infinite"': (
+        "rgb L, spectrum L, blackbody L, float scale, float illuminance, point3 portal, string filename"
+    ),
     'LightSource "spot"': "rgb I, point3 from, point3 to, float coneangle, float conedeltaangle, float power",
     'LightSource "distant"': "rgb L, point3 from, float illuminance",
     'AreaLightSource "diffuse"': "rgb L, bool twosided, float power, string filename",
     'Material "diffuse"': "rgb reflectance, spectrum reflectance, texture reflectance, string normalmap",
     'Material "conductor"': "rgb eta, spectrum k, float roughness, bool remaproughness, texture roughness",
-    'Texture "t" "spectrum" "checkerboard"': "integer dimension, rgb tex1, texture tex2, string mapping, float uscale",
+    'Texture "t" "spectrum" "checkerboard"': (
+        "integer dimension, rgb tex1, texture tex2, string mapping, float uscale"
+    ),
     'Texture "t" "float" "scale"': "float tex, texture scale",
     'Texture "t" "spectrum" "imagemap"': "string filename, string wrap, float scale, bool invert",
-    'Shape "trianglemesh"': "point3 P, integer indices, normal N, point2 uv, vector3 S, float alpha, integer faceIndices",
+    'Shape "trianglemesh"': (
+        "point3 P, integer indices, normal N, point2 uv, vector3 S, float alpha, integer faceIndices"
+    ),
     'Shape "bilinearmesh"': "point3 P, integer indices, normal N, point2 uv",
     'Shape "sphere"': "float radius, float zmin, float phimax",
     'Shape "disk"': "float radius, float height, float innerradius",
@@ -37,7 +47,9 @@ CASES += [(True, head, one) for head, names in WORLD.items() for one in names.sp
 VALUES = {"string": '"none"', "texture": '"none"', "bool": "true"}
 
 
-@pytest.mark.parametrize(("world", "head", "parameter"), CASES, ids=[f"{head} {one}" for _, head, one in CASES])
+@pytest.mark.parametrize(
+    ("world", "head", "parameter"), CASES, ids=[f"{head} {one}" for _, head, one in CASES]
+)
 def test_any_number_of_values_is_read_or_refused_in_words(world: bool, head: str, parameter: str) -> None:
     for count in (0, 1, 2, 3, 4, 5, 6, 7, 9, 12):
         for value in ("0", "1", "-1"):

@@ -1,4 +1,6 @@
-"""Details of scene files that only an unusual scene shows: colour spaces, powers of 0, turned skies, factors, sizes and normals of meshes."""
+"""Details of scene files that only an unusual scene shows: colour spaces, powers of 0, turned skies, factors,
+sizes and normals of meshes.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import DistantLight, Environment, ImageTexture, PointLight, Product, SpotLight
+from scenes.description.lights import DistantLight, Environment, PointLight, SpotLight
+from scenes.description.textures import ImageTexture, Product
 from scenes.errors import SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
@@ -23,7 +26,9 @@ P3_TO_SRGB = np.array([[1.2249, -0.2249, 0.0], [-0.0421, 1.0421, 0.0], [-0.0196,
 
 @pytest.mark.parametrize("rgb", [(1.0, 0.1, 0.1), (0.2, 1.0, 0.2), (0.2, 0.3, 1.0)])
 def test_saturated_p3_colours_are_those_of_the_published_matrix(rgb: tuple[float, float, float]) -> None:
-    """Its digits and D65's leave 7e-5; green's y wrong by 0.02 moves a component of each of these by 0.01 and more."""
+    """Its digits and D65's leave 7e-5; green's y wrong by 0.02 moves a component of each of these by 0.01 and
+    more.
+    """
     written_out = " ".join(map(str, rgb))
     (light,) = world(f'ColorSpace "dci-p3" LightSource "distant" "rgb L" [ {written_out} ]').lights
     assert isinstance(light, DistantLight)
@@ -67,7 +72,9 @@ def inverted(filter_: str) -> ImageTexture:
 
 
 def test_an_inverted_texture_of_numbers_is_not_its_texels_alone() -> None:
-    """Halfway between the texels it is max(1 - 2 0.5, 0) = 0; the mean of their own values, 0 and 0.8, is 0.4."""
+    """Halfway between the texels it is max(1 - 2 0.5, 0) = 0; the mean of their own values, 0 and 0.8, is
+    0.4.
+    """
     assert inverted("bilinear").plain() is None
     nearest = inverted("point").plain()
     assert nearest is not None
@@ -76,10 +83,14 @@ def test_an_inverted_texture_of_numbers_is_not_its_texels_alone() -> None:
 
 
 def test_a_colour_times_an_image_of_numbers_stays_a_colour(tmp_path: Path) -> None:
-    """An image of numbers has one factor for all three components: given the colour's red, it would be gray."""
+    """An image of numbers has one factor for all three components: given the colour's red, it would be
+    gray.
+    """
     write_exr(tmp_path / "a.exr", {name: np.array([[0.25, 0.5]]) for name in "RGB"})
     number = 'Texture "n" "float" "imagemap" "string filename" "a.exr" '
-    product = texture_of(number + 'Texture "t" "spectrum" "scale" "rgb tex" [ .2 .4 .6 ] "texture scale" "n"', tmp_path)
+    product = texture_of(
+        number + 'Texture "t" "spectrum" "scale" "rgb tex" [ .2 .4 .6 ] "texture scale" "n"', tmp_path
+    )
     assert isinstance(product, Product)
     assert isinstance(product.first, np.ndarray)
     assert isinstance(product.second, ImageTexture)
@@ -95,7 +106,9 @@ EMPTY: Table = ("strip", ["list uchar int parts"], [((),)] * 30)
 
 @pytest.mark.parametrize("before", [(), (EMPTY,)])
 def test_an_ascii_file_of_digits_is_read_to_its_last(tmp_path: Path, before: tuple[Table, ...]) -> None:
-    """No shorter file holds as many numbers: a byte more that were asked of each row would be 30, and the face has but 6 to spare."""
+    """No shorter file holds as many numbers: a byte more that were asked of each row would be 30, and the
+    face has but 6 to spare.
+    """
     data = ply_bytes("ascii", *before, DIGITS, FACE).rstrip(b"\n")
     mesh = read_ply(written(tmp_path, data))
     assert mesh.vertices.tolist() == [list(row) for row in DIGITS[2]]
@@ -104,7 +117,9 @@ def test_an_ascii_file_of_digits_is_read_to_its_last(tmp_path: Path, before: tup
 
 @pytest.mark.parametrize("tables", [(DIGITS,), (EMPTY,), (EMPTY, DIGITS), (NOTHING,)])
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_the_least_size_of_the_content_is_that_of_the_shortest(encoding: str, tables: tuple[Table, ...]) -> None:
+def test_the_least_size_of_the_content_is_that_of_the_shortest(
+    encoding: str, tables: tuple[Table, ...]
+) -> None:
     data = ply_bytes(encoding, *tables)
     data = data.rstrip(b"\n") + b"\n" * (not tables[0][2]) if encoding == "ascii" else data
     header = parse_header(data)

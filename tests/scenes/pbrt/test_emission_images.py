@@ -1,4 +1,6 @@
-"""Images on rectangles, however a file gives these: where each corner of the image comes to lie, and on which side it shines."""
+"""Images on rectangles, however a file gives these: where each corner of the image comes to lie, and on which
+side it shines.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import BilinearMesh, ShapeDescription
+from scenes.description.shapes import BilinearMesh, ShapeDescription
 from scenes.errors import SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
@@ -16,7 +18,8 @@ from tests.kit.scene_texts import HEAD, face_normals
 
 P = np.array([[0.0, 0, 0], [3, 0, 0], [0, 2, 0], [3, 2, 0]])  # p00 p10 p01 p11
 UV = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
-# The corners of a rectangle, in a patch's order, by the symmetries of the square: those that leave opposite corners opposite.
+# The corners of a rectangle, in a patch's order, by the symmetries of the square: those that leave opposite
+# corners opposite.
 SYMMETRIES = [order for order in permutations(range(4)) if order[0] + order[3] == 3]
 assert len(SYMMETRIES) == 8
 
@@ -50,7 +53,9 @@ def normal(shape: ShapeDescription) -> list[float]:
 @pytest.mark.parametrize("order", SYMMETRIES)
 def test_a_patch_with_any_corners_of_the_image(order: tuple[int, ...], reverse: str, tmp_path: Path) -> None:
     uv = UV[list(order)]
-    shape = light(tmp_path, f'{reverse}Shape "bilinearmesh" "point3 P" [ {numbers(P)} ] "point2 uv" [ {numbers(uv)} ]')
+    shape = light(
+        tmp_path, f'{reverse}Shape "bilinearmesh" "point3 P" [ {numbers(P)} ] "point2 uv" [ {numbers(uv)} ]'
+    )
     for point, at in zip(P, uv, strict=True):
         assert corners(shape)[int(at[0] + 2 * at[1])].tolist() == point.tolist()
     assert normal(shape) == [0, 0, -1 if reverse else 1]
@@ -90,7 +95,9 @@ def test_a_power_is_that_of_each_triangle_as_in_pbrt(tmp_path: Path) -> None:
         ("0 1 3 0 3 2", UV[[0, 1, 3, 2]]),  # no rectangle in the image
     ],
 )
-def test_what_does_not_show_the_whole_image_once_is_refused(faces: str, uv: np.ndarray, tmp_path: Path) -> None:
+def test_what_does_not_show_the_whole_image_once_is_refused(
+    faces: str, uv: np.ndarray, tmp_path: Path
+) -> None:
     mesh = f'"point3 P" [ {numbers(P)} ] "point2 uv" [ {numbers(uv)} ] "integer indices" [ {faces} ]'
     with pytest.raises(SceneError, match="rectangles only"):
         light(tmp_path, f'Shape "trianglemesh" {mesh}')

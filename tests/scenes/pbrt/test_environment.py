@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import DistantLight, Environment, SceneDescription
+from scenes.description.lights import DistantLight, Environment
+from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
@@ -89,7 +90,9 @@ def test_a_constant_is_added_to_the_texels_of_an_image(tmp_path: Path) -> None:
     for order in ({"after": SKY}, {"before": SKY}):
         light = only(with_image(tmp_path, image, '"float scale" 2', **order))
         assert light.image is not None
-        np.testing.assert_array_equal(light.radiance * light.image, (2 * image + [1, 2, 3]).astype(np.float32))
+        np.testing.assert_array_equal(
+            light.radiance * light.image, (2 * image + [1, 2, 3]).astype(np.float32)
+        )
 
 
 def test_a_latitude_longitude_image_is_named_as_such(tmp_path: Path) -> None:
@@ -100,7 +103,9 @@ def test_a_latitude_longitude_image_is_named_as_such(tmp_path: Path) -> None:
 
 
 def test_illuminance_of_an_image_is_pbrt_s_sum(tmp_path: Path) -> None:
-    """pbrt's loop written out: each texel of the upper half by its cosine, times 2 pi over their number in all."""
+    """pbrt's loop written out: each texel of the upper half by its cosine, times 2 pi over their number in
+    all.
+    """
     image, total, size = pixels(8, 8), 0.0, 8
     for y in range(size):
         for x in range(size):
@@ -113,11 +118,20 @@ def test_illuminance_of_an_image_is_pbrt_s_sum(tmp_path: Path) -> None:
     np.testing.assert_allclose(light.radiance, 7 / total, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("height", "width", "mapping"), [(64, 64, "equal-area"), (64, 128, "latitude-longitude")])
-def test_illuminance_means_the_same_under_both_maps(tmp_path: Path, height: int, width: int, mapping: str) -> None:
-    """A white image of either map: pbrt divides by pi / 2, half of what a white sky gives. Texel centres are off by 2e-4 at 64 x 64."""
+@pytest.mark.parametrize(
+    ("height", "width", "mapping"), [(64, 64, "equal-area"), (64, 128, "latitude-longitude")]
+)
+def test_illuminance_means_the_same_under_both_maps(
+    tmp_path: Path, height: int, width: int, mapping: str
+) -> None:
+    """A white image of either map: pbrt divides by pi / 2, half of what a white sky gives.
+
+    Texel centres are off by 2e-4 at 64 x 64.
+    """
     light = only(
-        with_image(tmp_path, np.ones((height, width, 3)), f'"float illuminance" 1 "string mapping" "{mapping}"')
+        with_image(
+            tmp_path, np.ones((height, width, 3)), f'"float illuminance" 1 "string mapping" "{mapping}"'
+        )
     )
     np.testing.assert_allclose(light.radiance, 2 / np.pi, rtol=1e-3)
 
@@ -143,7 +157,9 @@ def test_two_images_are_refused(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_skies_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+def test_skies_that_cannot_be_are_refused_where_they_stand(
+    body: str, column: int, words: tuple[str, ...]
+) -> None:
     world_fails(body, 1, column, *words)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.lights.environment import EnvironmentLights
-from scenes.description import Environment
+from scenes.description.lights import Environment
 from scenes.errors import Location, SceneError
 
 ONE = np.ones(3)
@@ -21,7 +21,10 @@ ONE = np.ones(3)
         (Environment(ONE, np.full((2, 2, 3), np.nan)), "nan, nan, nan in row 0, column 0"),
         (Environment(ONE, np.full((2, 2, 3), np.inf)), "finite and not negative; it is inf"),
         (Environment(1e200 * ONE, np.full((2, 2, 3), 1e200)), "finite and not negative; it is inf"),
-        (Environment(ONE, np.arange(12.0).reshape(2, 2, 3) - 0.5), "-0.5, 0.5, 1.5 in row 0, column 0 of its image"),
+        (
+            Environment(ONE, np.arange(12.0).reshape(2, 2, 3) - 0.5),
+            "-0.5, 0.5, 1.5 in row 0, column 0 of its image",
+        ),
         (Environment(-ONE), "not negative; it is -1, -1, -1$"),
         (Environment(ONE, np.ones((2, 3, 3))), "must be square; this one is 3x2"),
         (Environment(ONE, np.ones((2, 2, 1))), "(h, w, 3)"),

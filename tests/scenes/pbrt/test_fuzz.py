@@ -21,21 +21,23 @@ from tests.scenes.pbrt.test_pbrt_files import FOLDER as REFERENCES
 from tests.scenes.ply.test_meshes import QUADS, TRIANGLES, ascii_ply, binary_quads
 
 WORDS = [
-    *("LookAt", "Camera", "Film", "PixelFilter", "Sampler", "Integrator", "WorldBegin", "AttributeBegin", "AttributeEnd"),
-    *("Translate", "Scale", "Rotate", "Transform", "ConcatTransform", "Identity", "ReverseOrientation", "Material"),
-    *("CoordinateSystem", "CoordSysTransform", "NamedMaterial", "MakeNamedMaterial", "AreaLightSource", "Shape", "Include"),
-    *('"perspective"', '"rgb"', '"box"', '"path"', '"diffuse"', '"sphere"', '"disk"', '"trianglemesh"', '"bilinearmesh"'),
-    *('"plymesh"', '"float radius"', '"float fov"', '"point3 P"', '"integer indices"', '"rgb L"', '"rgb reflectance"'),
-    *('"string filename"', '"integer maxdepth"', '"float height"', '"bool twosided"', '"world"', '"camera"', '"', "[", "]"),
-    *("0", "1", "-1", "2", "0.5", "1e-300", "1e300", "nan", "inf", "1e999", "99999999999", "$x", "#", "#$ x 1 \"y\"", "true"),
-    *("TransformBegin", "TransformEnd", "ObjectBegin", "ObjectEnd", "ObjectInstance", "Attribute", "Option", "ColorSpace"),
-    *("Texture", "LightSource", "Import", "MediumInterface", "MakeNamedMedium", "ActiveTransform", "TransformTimes", "Accelerator"),
-    *('"float"', '"spectrum"', '"constant"', '"checkerboard"', '"mix"', '"scale"', '"imagemap"', '"conductor"', '"infinite"'),
-    *('"distant"', '"point"', '"spot"', '"texture reflectance"', '"rgb value"', '"float roughness"', '"float power"', '"point3 from"'),
-    *('"point3 to"', '"texture tex1"', '"float illuminance"', '"bool hemisphere"', '"string mapping"', '"float alpha"', '"shape"'),
-    *("[ 1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1 ]", "[ 0 0 0 1 0 0 0 1 0 ]", "[ .5 .5 .5 ]", TRIANGLE, PATCH, "\n", "\t"),
+    *("LookAt", "Camera", "Film", "PixelFilter", "Sampler", "Integrator", "WorldBegin", "AttributeBegin", "AttributeEnd"),  # noqa: E501
+    *("Translate", "Scale", "Rotate", "Transform", "ConcatTransform", "Identity", "ReverseOrientation", "Material"),  # noqa: E501
+    *("CoordinateSystem", "CoordSysTransform", "NamedMaterial", "MakeNamedMaterial", "AreaLightSource", "Shape", "Include"),  # noqa: E501
+    *('"perspective"', '"rgb"', '"box"', '"path"', '"diffuse"', '"sphere"', '"disk"', '"trianglemesh"', '"bilinearmesh"'),  # noqa: E501
+    *('"plymesh"', '"float radius"', '"float fov"', '"point3 P"', '"integer indices"', '"rgb L"', '"rgb reflectance"'),  # noqa: E501
+    *('"string filename"', '"integer maxdepth"', '"float height"', '"bool twosided"', '"world"', '"camera"', '"', "[", "]"),  # noqa: E501
+    *("0", "1", "-1", "2", "0.5", "1e-300", "1e300", "nan", "inf", "1e999", "99999999999", "$x", "#", "#$ x 1 \"y\"", "true"),  # noqa: E501
+    *("TransformBegin", "TransformEnd", "ObjectBegin", "ObjectEnd", "ObjectInstance", "Attribute", "Option", "ColorSpace"),  # noqa: E501
+    *("Texture", "LightSource", "Import", "MediumInterface", "MakeNamedMedium", "ActiveTransform", "TransformTimes", "Accelerator"),  # noqa: E501
+    *('"float"', '"spectrum"', '"constant"', '"checkerboard"', '"mix"', '"scale"', '"imagemap"', '"conductor"', '"infinite"'),  # noqa: E501
+    *('"distant"', '"point"', '"spot"', '"texture reflectance"', '"rgb value"', '"float roughness"', '"float power"', '"point3 from"'),  # noqa: E501
+    *('"point3 to"', '"texture tex1"', '"float illuminance"', '"bool hemisphere"', '"string mapping"', '"float alpha"', '"shape"'),  # noqa: E501
+    *(("[ 1 0 0 0  0 1 0 0  0 0 1 0  "
+"0 0 0 1 ]"), "[ 0 0 0 1 0 0 0 1 0 ]", "[ .5 .5 .5 ]", TRIANGLE, PATCH, "\n", "\t"),
 ]  # fmt: skip
-# The same examples each time, and no deadline of the clock: the machine may be busy. Time is bounded in the last test.
+# The same examples each time, and no deadline of the clock: the machine may be busy. Time is bounded in the
+# last test.
 QUIET = {
     "deadline": None,
     "derandomize": True,
@@ -44,7 +46,9 @@ QUIET = {
 }
 
 soup = st.lists(st.sampled_from(WORDS), max_size=40).map(" ".join)
-numbers = st.sampled_from(["0", "-0", "1", "-1", "1e-18", "1e-200", "1e17", "1e18", "1e200", "3", "1e-9", ".1"])
+numbers = st.sampled_from(
+    ["0", "-0", "1", "-1", "1e-18", "1e-200", "1e17", "1e18", "1e200", "3", "1e-9", ".1"]
+)
 
 
 def answers(text: str | bytes) -> None:
@@ -83,13 +87,20 @@ def test_random_text_inside_a_scene(text: str, place: int) -> None:
     st.lists(st.sampled_from(["Translate", "Scale", "Rotate"]), max_size=4),
     st.lists(numbers, min_size=60, max_size=60),
     st.sampled_from(
-        [TRIANGLE, PATCH, 'Shape "sphere" "float radius" {}', 'Shape "disk" "float height" {} "float radius" {}']
+        [
+            TRIANGLE,
+            PATCH,
+            'Shape "sphere" "float radius" {}',
+            'Shape "disk" "float height" {} "float radius" {}',
+        ]
     ),
     st.booleans(),
 )
 def test_extreme_numbers(directives: list[str], values: list[str], shape: str, light: bool) -> None:
     left = iter(values)
-    lines = [" ".join([name, *(next(left) for _ in range(4 if name == "Rotate" else 3))]) for name in directives]
+    lines = [
+        " ".join([name, *(next(left) for _ in range(4 if name == "Rotate" else 3))]) for name in directives
+    ]
     emission = 'AreaLightSource "diffuse" "rgb L" [ {} {} {} ] "float scale" {}\n' if light else ""
     body = "\n".join(lines) + "\n" + emission + shape
     while "{}" in body:
@@ -119,7 +130,9 @@ MUTATIONS = {
 @given(
     st.sampled_from(FILES),
     st.lists(
-        st.tuples(st.sampled_from(sorted(MUTATIONS)), st.floats(0, 1), st.integers(1, 60)), min_size=1, max_size=4
+        st.tuples(st.sampled_from(sorted(MUTATIONS)), st.floats(0, 1), st.integers(1, 60)),
+        min_size=1,
+        max_size=4,
     ),
 )
 def test_damaged_scene_files(path: Path, mutations: list[tuple[str, float, int]]) -> None:
@@ -138,7 +151,9 @@ def test_damaged_scene_files(path: Path, mutations: list[tuple[str, float, int]]
     st.integers(0, 400),
     st.binary(max_size=8),
 )
-def test_damaged_mesh_files(tmp_path_factory: pytest.TempPathFactory, data: bytes, place: int, patch: bytes) -> None:
+def test_damaged_mesh_files(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes, place: int, patch: bytes
+) -> None:
     path = tmp_path_factory.getbasetemp() / "fuzz.ply"
     path.write_bytes(data[:place] + patch + data[place + len(patch) :])
     with contextlib.suppress(PenumbraError):
@@ -168,7 +183,8 @@ def test_damaged_mesh_files(tmp_path_factory: pytest.TempPathFactory, data: byte
         HEAD + 'Shape "cone" ' * 5_000,
         HEAD + 'Shape "sphere" "float x" [ ' + "#" * 1_000_000,
         HEAD + 'Shape "sphere" "float x" [ ' + "1e999 " * 100_000,
-        HEAD + 'Shape "sphere" "float x" [ ' + "1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1-1 " * 5_000,
+        HEAD + 'Shape "sphere" "float x" [ ' + ("1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 "
+"1 1 1-1 ") * 5_000,
     ],
     ids=range(21),
 )  # fmt: skip
@@ -176,6 +192,8 @@ def test_long_nonsense_is_refused_in_time(text: str) -> None:
     start = time.process_time()
     with pytest.raises(PenumbraError) as caught:
         parse(text)
-    assert time.process_time() - start < 3  # linear: a tenth of that here; a quadratic step would take minutes
+    assert (
+        time.process_time() - start < 3
+    )  # linear: a tenth of that here; a quadratic step would take minutes
     assert all(len(line) < 1000 and line.isprintable() for line in str(caught.value).splitlines())
     assert len(str(caught.value).splitlines()) <= PLACES + 1

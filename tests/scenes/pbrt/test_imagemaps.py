@@ -1,4 +1,6 @@
-"""Image maps in scene files as pbrt-v4 takes them: resized, of numbers, encoded, of other primaries, and read once."""
+"""Image maps in scene files as pbrt-v4 takes them: resized, of numbers, encoded, of other primaries, and read
+once.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from scenes.description import Diffuse, ImageTexture, Mix
+from scenes.description.materials import Diffuse
+from scenes.description.textures import ImageTexture, Mix
 from scenes.errors import SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
@@ -17,7 +20,9 @@ from tests.scenes.pbrt.test_textures import BYTES, image_of, srgb, texture_of, w
 
 
 def lanczos_rows(rows: np.ndarray, new: int) -> np.ndarray:
-    """Rows (n, ...) resized to `new` ones, the first after the last: weights by the definition of pbrt's windowed sinc."""
+    """Rows (n, ...) resized to `new` ones, the first after the last: weights by the definition of pbrt's
+    windowed sinc.
+    """
     out = []
     for i in range(new):
         centre = (i + 0.5) * len(rows) / new
@@ -33,7 +38,9 @@ def resized_by_definition(image: np.ndarray, height: int, width: int) -> np.ndar
 
 
 def test_textures_are_resized_to_powers_of_two_in_the_precision_of_their_file(tmp_path: Path) -> None:
-    """Bytes stay bytes of their encoding: the nearest code, which a rounding difference may move by one in the rare tie."""
+    """Bytes stay bytes of their encoding: the nearest code, which a rounding difference may move by one in
+    the rare tie.
+    """
     codes = np.random.default_rng(6).integers(0, 256, (3, 5, 3)).astype(np.uint8)
     write_image(tmp_path / "a.png", codes)
     expected = resized_by_definition(np.vectorize(srgb)(codes), 4, 8)
@@ -106,7 +113,10 @@ def test_an_encoding_is_of_no_effect_but_for_png(tmp_path: Path) -> None:
     write_exr(tmp_path / "a.exr", {name: np.array([[0.25, 0.75]]) for name in "RGB"})
     write_image(tmp_path / "a.bmp", BYTES)
     for encoding in ("linear", "sRGB", "gamma 2.2"):
-        assert image_of(tmp_path, f'"string encoding" "{encoding}"', "a.exr").image[0, :, 0].tolist() == [0.25, 0.75]
+        assert image_of(tmp_path, f'"string encoding" "{encoding}"', "a.exr").image[0, :, 0].tolist() == [
+            0.25,
+            0.75,
+        ]
         found = image_of(tmp_path, f'"string encoding" "{encoding}"', "a.bmp").image
         np.testing.assert_allclose(found, np.vectorize(srgb)(BYTES), atol=1e-7)
     with pytest.raises(SceneError, match='unknown encoding "rec709"'):
@@ -127,7 +137,9 @@ def test_images_of_other_primaries_are_reported_at_their_name(tmp_path: Path) ->
     write(0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.31271, 0.32902)
     assert image_of(tmp_path, name="a.exr").image.tolist() == [[[0.5] * 3]]
     write(0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
-    with pytest.raises(SceneError, match=r"s\.pbrt:7:35: .*chromaticities is 0\.68 0\.32 .* convert the image to sRGB"):
+    with pytest.raises(
+        SceneError, match=r"s\.pbrt:7:35: .*chromaticities is 0\.68 0\.32 .* convert the image to sRGB"
+    ):
         image_of(tmp_path, name="a.exr")
 
 
@@ -145,7 +157,8 @@ def test_a_file_is_read_once_and_counted_once(tmp_path: Path, monkeypatch: pytes
 
     name = '"string filename" "a.png"'
     first, again, other, clamped = scene(
-        name, '"string filename" "b/../a.png" "float scale" .5', name + '"string encoding" "linear"', name + '"string wrap" "clamp"'
+        name, ('"string filename" "b/../a.png" "float '
+'scale" .5'), name + '"string encoding" "linear"', name + '"string wrap" "clamp"'
     )  # fmt: skip
     assert first.image is again.image
     assert first.image is not other.image
@@ -154,7 +167,9 @@ def test_a_file_is_read_once_and_counted_once(tmp_path: Path, monkeypatch: pytes
     scene(name, name, name, name + '"string wrap" "clamp"')
     monkeypatch.setattr("scenes.pbrt.directives.texels.TEXELS", 31)
     monkeypatch.setattr("scenes.images.exr.read_texels", None)  # nothing is decoded of what is too much
-    with pytest.raises(SceneError, match=r"s\.pbrt:\d+:36: the images of the scene, resized, have more than 31 texels"):
+    with pytest.raises(
+        SceneError, match=r"s\.pbrt:\d+:36: the images of the scene, resized, have more than 31 texels"
+    ):
         scene(name)
 
 

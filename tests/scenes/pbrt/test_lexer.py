@@ -29,7 +29,7 @@ def test_every_token_knows_its_line_and_column() -> None:
 def test_location_is_found_at_both_ends_of_a_file() -> None:
     source = Source("f", "ab\n\ncd")
     assert [source.location(i) for i in (0, 2, 3, 4, 6)] == [
-        Location("f", 1, 1), Location("f", 1, 3), Location("f", 2, 1), Location("f", 3, 1), Location("f", 3, 3),
+        Location("f", 1, 1), Location("f", 1, 3), Location("f", 2, 1), Location("f", 3, 1), Location("f", 3, 3),  # noqa: E501
     ]  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def test_a_file_of_comments_only_is_all_header() -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        "#$", "#$ gap", '#$ gap "no default"', '#$ gap x "meaning"', "#$ gap 1", '#$ 1gap 1 "x"', '#$ a b 1 "x"',
+        "#$", "#$ gap", '#$ gap "no default"', '#$ gap x "meaning"', "#$ gap 1", '#$ 1gap 1 "x"', '#$ a b 1 "x"',  # noqa: E501
         '#$ gap nan "x"', '#$ gap 1e999 "x"', '#$ gap 1_000 "x"', '#$ gap 1 "x" y',
     ],
 )  # fmt: skip
@@ -147,7 +147,11 @@ def test_setting_a_default_by_hand_changes_nothing() -> None:
 
 def test_an_undeclared_name_is_refused_where_it_stands() -> None:
     fails(
-        TEMPLATE.replace("$up", "$gap"), TEMPLATE[: TEMPLATE.index("$up")].count("\n") + 1, 13, "$gap", "$radius, $up"
+        TEMPLATE.replace("$up", "$gap"),
+        TEMPLATE[: TEMPLATE.index("$up")].count("\n") + 1,
+        13,
+        "$gap",
+        "$radius, $up",
     )
 
 

@@ -1,4 +1,6 @@
-"""`LightSource` and `AreaLightSource`: pbrt-v4's defaults, its normalisation of spectra, `power` and `illuminance`."""
+"""`LightSource` and `AreaLightSource`: pbrt-v4's defaults, its normalisation of spectra, `power` and
+`illuminance`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,9 @@ import numpy as np
 import pytest
 
 from scenes import color as colours
-from scenes.description import BilinearMesh, Diffuse, DistantLight, Emission, Light, PointLight, SpotLight, TriangleMesh
+from scenes.description.lights import DistantLight, Light, PointLight, SpotLight
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import BilinearMesh, Emission, TriangleMesh
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
 from tests.kit.scene_texts import HEAD, PATCH, TRIANGLE, world, world_fails
@@ -53,7 +57,11 @@ def test_a_distant_light_by_default() -> None:
 @pytest.mark.parametrize(
     ("body", "wi", "irradiance"),
     [
-        ('"point3 from" [ 0 5 0 ] "point3 to" [ 0 1 0 ] "rgb L" [ 1 2 3 ] "float scale" 2', [0, 1, 0], [2, 4, 6]),
+        (
+            '"point3 from" [ 0 5 0 ] "point3 to" [ 0 1 0 ] "rgb L" [ 1 2 3 ] "float scale" 2',
+            [0, 1, 0],
+            [2, 4, 6],
+        ),
         ('"rgb L" [ 1 2 3 ] "float illuminance" 10 "float scale" 2', [0, 0, -1], [20, 40, 60]),
         ('"point from" [ 2 0 0 ] "point to" [ 0 0 0 ] "float illuminance" -1', [1, 0, 0], [1, 1, 1]),
     ],
@@ -74,7 +82,8 @@ def test_lights_turn_with_the_transformation() -> None:
 
 def test_a_point_light() -> None:
     light = point(
-        'Translate 1 2 3 Scale 2 2 2 LightSource "point" "point3 from" [ 0 1 0 ] "rgb I" [ 1 2 3 ] "float scale" 3'
+        'Translate 1 2 3 Scale 2 2 2 LightSource "point" "point3 from" [ 0 1 0 ] "rgb I" [ 1 2 3 ] "float '
+        'scale" 3'
     )
     assert (light.position.tolist(), light.intensity.tolist()) == ([1, 4, 3], [3, 6, 9])
     assert str(light.where).endswith(":7:29")
@@ -95,7 +104,8 @@ def test_a_spot_light() -> None:
         25,
     )
     body = (
-        '"point3 from" [ 0 2 0 ] "point3 to" [ 0 0 0 ] "float coneangle" 40 "float conedeltaangle" 10 "rgb I" [ 3 2 1 ]'
+        '"point3 from" [ 0 2 0 ] "point3 to" [ 0 0 0 ] "float coneangle" 40 "float conedeltaangle" 10 '
+        '"rgb I" [ 3 2 1 ]'
     )
     light = spot(f'Translate 1 0 0 Scale 2 2 2 LightSource "spot" {body}')
     assert (light.position.tolist(), light.axis.tolist(), light.cone, light.falloff_start) == (
@@ -124,7 +134,8 @@ def test_any_name_with_a_suffix_is_a_file_of_samples(tmp_path: Path) -> None:
 
 
 def test_colours_of_other_spaces() -> None:
-    """BT.2087's matrix, to the four digits that it is published with; gray stays gray, and what sRGB does not hold is cut off.
+    """BT.2087's matrix, to the four digits that it is published with; gray stays gray, and what sRGB does not
+    hold is cut off.
 
     Of a parameter it is the space where that stands, in `Attribute` too, and a block gives the space back.
     """
@@ -136,11 +147,15 @@ def test_colours_of_other_spaces() -> None:
         (gray,) = world(f'ColorSpace "{space}" LightSource "distant" "rgb L" [ 2 2 2 ]').lights
         assert isinstance(gray, DistantLight)
         np.testing.assert_allclose(gray.irradiance, 2, rtol=1e-14)
-    (green,) = world('ColorSpace "rec2020" Material "diffuse" "rgb reflectance" [ 0 1 0 ] Shape "sphere"').shapes
+    (green,) = world(
+        'ColorSpace "rec2020" Material "diffuse" "rgb reflectance" [ 0 1 0 ] Shape "sphere"'
+    ).shapes
     assert isinstance(green.material, Diffuse)
     assert np.asarray(green.material.reflectance).tolist() == [0, 1, 0]
     said = 'AttributeBegin ColorSpace "rec2020" Attribute "light" "rgb L" [ .3 .2 .1 ] ColorSpace "srgb" '
-    kept, plain = world(said + 'LightSource "distant" AttributeEnd LightSource "distant" "rgb L" [ .3 .2 .1 ]').lights
+    kept, plain = world(
+        said + 'LightSource "distant" AttributeEnd LightSource "distant" "rgb L" [ .3 .2 .1 ]'
+    ).lights
     assert isinstance(kept, DistantLight)
     assert isinstance(plain, DistantLight)
     assert kept.irradiance.tolist() == light.irradiance.tolist()
@@ -148,7 +163,9 @@ def test_colours_of_other_spaces() -> None:
 
 
 def test_power_of_a_spot_light_is_what_it_sends_out() -> None:
-    """Its intensity integrated over the cone, by midpoints of the cosine at 1e-9, is the power: a factor of pbrt's left out would be seen."""
+    """Its intensity integrated over the cone, by midpoints of the cosine at 1e-9, is the power: a factor of
+    pbrt's left out would be seen.
+    """
     light = spot('LightSource "spot" "float power" 50 "float coneangle" 50 "float conedeltaangle" 20')
     edges = np.linspace(np.cos(np.radians(light.cone)), 1, 400_001)
     cosine = (edges[1:] + edges[:-1]) / 2
@@ -160,11 +177,15 @@ def test_power_of_a_spot_light_is_what_it_sends_out() -> None:
 
 @pytest.mark.parametrize("name", ['"distant"', '"point"', '"spot"', '"infinite"'])
 def test_spectra_have_luminance_one_before_they_are_scaled(name: str) -> None:
-    """pbrt divides by the luminance of the spectrum, whatever its height: a black body of 1e4 K is as bright as one of 3000 K."""
+    """pbrt divides by the luminance of the spectrum, whatever its height: a black body of 1e4 K is as bright
+    as one of 3000 K.
+    """
     letter = "I" if name in ('"point"', '"spot"') else "L"
     for spectrum in ('"blackbody {}" 3000', '"spectrum {}" [ 400 5 700 9 ]', '"spectrum {}" "stdillum-A"'):
         light = light_of(f'LightSource {name} {spectrum.format(letter)} "float scale" 10')
-        value = next(getattr(light, key) for key in ("irradiance", "intensity", "radiance") if hasattr(light, key))
+        value = next(
+            getattr(light, key) for key in ("irradiance", "intensity", "radiance") if hasattr(light, key)
+        )
         assert LUMINANCE @ value == pytest.approx(10, rel=2e-3)
         assert np.ptp(value) > 1
     black = distant('LightSource "distant" "blackbody L" 3000 "float scale" 10')
@@ -210,11 +231,17 @@ def test_power_of_an_area_light_is_spread_over_its_shape(shape: str, area: float
 
 
 def test_power_is_that_of_each_face_as_in_pbrt() -> None:
-    mesh = 'Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 4 0 0 0 4 0 ] "integer indices" [ 0 1 2 0 3 4 1 2 0 ]'
+    mesh = (
+        'Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 4 0 0 0 4 0 ] "integer indices" [ 0 1 2 0 '
+        "3 4 1 2 0 ]"
+    )
     small, large = world('AreaLightSource "diffuse" "float power" 1 ' + mesh).shapes
     assert isinstance(small.geometry, TriangleMesh)
     assert isinstance(large.geometry, TriangleMesh)
-    assert (small.geometry.faces.tolist(), large.geometry.faces.tolist()) == ([[0, 1, 2], [1, 2, 0]], [[0, 3, 4]])
+    assert (small.geometry.faces.tolist(), large.geometry.faces.tolist()) == (
+        [[0, 1, 2], [1, 2, 0]],
+        [[0, 3, 4]],
+    )
     assert small.emission is not None
     assert large.emission is not None
     np.testing.assert_allclose(small.emission.radiance, 1 / (np.pi * 0.5))
@@ -246,7 +273,8 @@ def test_an_image_on_a_rectangle(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "shape", [TRIANGLE, 'Shape "sphere"', PATCH.replace("1 1 0", "1 2 0"), PATCH + ' "point2 uv" [ 0 0 2 0 0 1 2 1 ]']
+    "shape",
+    [TRIANGLE, 'Shape "sphere"', PATCH.replace("1 1 0", "1 2 0"), PATCH + ' "point2 uv" [ 0 0 2 0 0 1 2 1 ]'],
 )
 def test_images_on_other_shapes_are_refused(tmp_path: Path, shape: str) -> None:
     path = image_scene(tmp_path, 'AreaLightSource "diffuse" "string filename" "light.exr"\n' + shape, PIXELS)
@@ -281,5 +309,7 @@ def test_images_on_other_shapes_are_refused(tmp_path: Path, shape: str) -> None:
         ('ObjectBegin "o" LightSource "point" ObjectEnd', 17, ("inside an object",)),
     ],
 )
-def test_lights_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+def test_lights_that_cannot_be_are_refused_where_they_stand(
+    body: str, column: int, words: tuple[str, ...]
+) -> None:
     world_fails(body, 1, column, *words)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenes import color as colours
-from scenes.description import Conductor, Diffuse, Material
+from scenes.description.materials import Conductor, Diffuse, Material
 from tests.kit.scene_texts import world, world_fails
 
 BALL = ' Shape "sphere"'
@@ -94,12 +94,14 @@ def test_named_conductors() -> None:
     [
         ('Material "conductor"', 1, ("no roughness (pbrt's default is 0)", "perfect mirror", "1e-06")),
         ('Material "conductor" "float roughness" 0', 22, ("roughness 0", "perfect mirror", "1e-06")),
-        ('Material "conductor" "float roughness" 9e-4 "bool remaproughness" false', 22, ("perfect mirror", "0.001")),
+        (('Material "conductor" "float roughness" 9e-4 "bool '
+'remaproughness" false'), 22, ("perfect mirror", "0.001")),
         ('Material "conductor" "float roughness" -1', 22, ("roughness must not be negative",)),
         ('Material "conductor" "float uroughness" .1 "float vroughness" .2', 22, ("only isotropic",)),
         ('Material "conductor" "float uroughness" .1', 22, ("only isotropic",)),
         ('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 2 ]', 42, ("at most 1",)),
-        ('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 1 ] "rgb k" [ 1 1 1 ]', 42, ("not both",)),
+        (('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 1 ] "rgb k" '
+'[ 1 1 1 ]'), 42, ("not both",)),
         ('Material "conductor" "float roughness" 1 "rgb eta" [ 0 1 1 ]', 42, ("eta must be positive",)),
         ('Material "conductor" "float roughness" 1 "spectrum eta" "metal-Xx-eta"', 42, ("metal-Xx-eta",)),
         ('Material "conductor" "texture roughness" "t"', 22, ('"texture roughness"', '"float roughness"')),
@@ -109,8 +111,11 @@ def test_named_conductors() -> None:
         ('Material "interface"', 1, ('"interface"', '"conductor"')),
         ('Material ""', 1, ('Material "" is not supported',)),
         ('MakeNamedMaterial "m" "string type" "coateddiffuse"', 1, ('"coateddiffuse"',)),
-        ('MakeNamedMaterial "m" "string type" "diffuse" MakeNamedMaterial "m" "string type" "diffuse"', 47, ("made twice",)),
+        (('MakeNamedMaterial "m" "string type" "diffuse" MakeNamedMaterial "m" "string type" '
+'"diffuse"'), 47, ("made twice",)),
     ],
 )  # fmt: skip
-def test_materials_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+def test_materials_that_cannot_be_are_refused_where_they_stand(
+    body: str, column: int, words: tuple[str, ...]
+) -> None:
     world_fails(body, 1, column, *words)

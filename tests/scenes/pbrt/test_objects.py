@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import BilinearMesh, Diffuse, Disk, SceneDescription, Sphere, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, Sphere, TriangleMesh
 from scenes.errors import SceneError
 from scenes.pbrt import instances
 from scenes.pbrt import state as builder
@@ -47,7 +49,8 @@ def test_an_object_alone_is_nothing() -> None:
 
 def test_an_instance_stands_where_its_transformation_and_the_object_s_put_it() -> None:
     scene = world(
-        f'Translate 0 0 1 ObjectBegin "o" {RED} Scale 2 2 2 {TRIANGLE} ObjectEnd Translate 3 0 0 ObjectInstance "o"'
+        f'Translate 0 0 1 ObjectBegin "o" {RED} Scale 2 2 2 {TRIANGLE} ObjectEnd Translate 3 0 0 '
+        'ObjectInstance "o"'
     )
     assert mesh(scene).vertices.tolist() == [[3, 0, 2], [5, 0, 2], [3, 2, 2]]
     assert color(scene) == [1, 0, 0]
@@ -88,13 +91,16 @@ def test_a_mirrored_instance_faces_where_its_mirrored_shape_would(state: str, mi
 
 def test_instances_that_face_either_way_are_two_meshes() -> None:
     scene = world(
-        f'ObjectBegin "o" {TRIANGLE} ObjectEnd ObjectInstance "o" Scale -1 1 1 ObjectInstance "o" ObjectInstance "o"'
+        f'ObjectBegin "o" {TRIANGLE} ObjectEnd ObjectInstance "o" Scale -1 1 1 ObjectInstance "o" '
+        'ObjectInstance "o"'
     )
     assert [mesh(scene, i).reverse for i in range(len(scene.shapes))] == [False, True]
 
 
 def test_instances_of_quadrics() -> None:
-    scene = world(f'ObjectBegin "o" Translate 0 1 0 {BALL} Shape "disk" ObjectEnd Scale 2 -2 2 ObjectInstance "o"')
+    scene = world(
+        f'ObjectBegin "o" Translate 0 1 0 {BALL} Shape "disk" ObjectEnd Scale 2 -2 2 ObjectInstance "o"'
+    )
     ball, disk = (shape.geometry for shape in scene.shapes)
     assert isinstance(ball, Sphere)
     assert isinstance(disk, Disk)
@@ -103,13 +109,19 @@ def test_instances_of_quadrics() -> None:
 
 
 def test_a_million_triangles_by_instances_take_seconds(tmp_path: Path) -> None:
-    """0.3 s on the machine where this was written; one shape at a time, with its own checks, would take ten times as long."""
+    """0.3 s on the machine where this was written; one shape at a time, with its own checks, would take ten
+    times as long.
+    """
     rng = np.random.default_rng(3)
     points = " ".join(f"{x:.4f}" for x in rng.normal(size=1500))
     faces = " ".join(str(i) for i in rng.integers(0, 500, 3000))
-    tree = f'ObjectBegin "tree" Shape "trianglemesh" "point3 P" [ {points} ] "integer indices" [ {faces} ] ObjectEnd\n'
+    tree = (
+        f'ObjectBegin "tree" Shape "trianglemesh" "point3 P" [ {points} ] "integer indices" [ {faces} ] '
+        "ObjectEnd\n"
+    )
     uses = "".join(
-        f'AttributeBegin Translate {i} 0 0 Rotate {i} 0 1 0 ObjectInstance "tree" AttributeEnd\n' for i in range(1000)
+        f'AttributeBegin Translate {i} 0 0 Rotate {i} 0 1 0 ObjectInstance "tree" AttributeEnd\n'
+        for i in range(1000)
     )
     (tmp_path / "s.pbrt").write_text(HEAD + tree + uses)
     start = time.process_time()
@@ -127,7 +139,10 @@ def test_too_many_instances_are_refused(monkeypatch: pytest.MonkeyPatch) -> None
     world_fails(objects + 'ObjectInstance "o"\n' * 3, 4, 1, "more than 5 faces")
     monkeypatch.setattr(instances, "SINGLES", 1)
     world_fails(
-        f'ObjectBegin "o" {BALL} ObjectEnd\nObjectInstance "o"\nObjectInstance "o"', 3, 1, "1 spheres and disks"
+        f'ObjectBegin "o" {BALL} ObjectEnd\nObjectInstance "o"\nObjectInstance "o"',
+        3,
+        1,
+        "1 spheres and disks",
     )
 
 
@@ -159,18 +174,24 @@ def test_a_file_that_makes_too_much_is_refused(monkeypatch: pytest.MonkeyPatch) 
         ('ObjectBegin "o" AttributeEnd', 17, ("ObjectBegin is open",)),
         ('ObjectBegin "o" AttributeBegin ObjectEnd', 32, ("AttributeBegin is open",)),
         ("TransformBegin", 1, ("TransformBegin without TransformEnd",)),
-        (f'AttributeBegin AreaLightSource "diffuse" ObjectBegin "o" {BALL}ObjectEnd AttributeEnd', 58, ("inside an object",)),
+        ((f'AttributeBegin AreaLightSource "diffuse" ObjectBegin "o" {BALL}ObjectEnd '
+'AttributeEnd'), 58, ("inside an object",)),
         (f'ObjectBegin "o" {BALL}ObjectEnd Scale 1 2 1 ObjectInstance "o"', 72, ("stretches a sphere",)),
-        (f'ObjectBegin "o" Scale 100 1 1 {TRIANGLE} ObjectEnd Scale 1e17 1 1 ObjectInstance "o"', 112, ("1e+18",)),
+        ((f'ObjectBegin "o" Scale 100 1 1 {TRIANGLE} ObjectEnd Scale 1e17 1 1 '
+'ObjectInstance "o"'), 112, ("1e+18",)),
     ],
 )  # fmt: skip
-def test_objects_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+def test_objects_that_cannot_be_are_refused_where_they_stand(
+    body: str, column: int, words: tuple[str, ...]
+) -> None:
     world_fails(body, 1, column, *words)
 
 
 def test_attributes_are_defaults_that_may_stay_unused() -> None:
     body = 'Attribute "shape" "float radius" 2 "float height" 1 "point3 nonsense" [ 0 0 0 ]\n'
-    disk, sphere, own = (shape.geometry for shape in world(body + 'Shape "disk" Shape "sphere" ' + BALL).shapes)
+    disk, sphere, own = (
+        shape.geometry for shape in world(body + 'Shape "disk" Shape "sphere" ' + BALL).shapes
+    )
     assert isinstance(disk, Disk)
     assert isinstance(sphere, Sphere)
     assert isinstance(own, Sphere)
@@ -178,7 +199,10 @@ def test_attributes_are_defaults_that_may_stay_unused() -> None:
 
 
 def test_the_last_attribute_holds_until_its_block_ends() -> None:
-    body = 'Attribute "shape" "float radius" 2\nAttributeBegin Attribute "shape" "float radius" 3 Shape "sphere" AttributeEnd '
+    body = (
+        'Attribute "shape" "float radius" 2\nAttributeBegin Attribute "shape" "float radius" 3 Shape '
+        '"sphere" AttributeEnd '
+    )
     inner, outer = (shape.geometry for shape in world(body + 'Shape "sphere"').shapes)
     assert isinstance(inner, Sphere)
     assert isinstance(outer, Sphere)
@@ -203,9 +227,13 @@ def import_scene(folder: Path, part: str, main: str = 'Import "part.pbrt"\n') ->
 
 
 def test_an_imported_file_does_not_change_the_state(tmp_path: Path) -> None:
-    part = f'{RED} Translate 1 0 0 ReverseOrientation MakeNamedMaterial "m" "string type" "diffuse" {TRIANGLE}'
+    part = (
+        f'{RED} Translate 1 0 0 ReverseOrientation MakeNamedMaterial "m" "string type" "diffuse" {TRIANGLE}'
+    )
     scene = parse_file(
-        import_scene(tmp_path, part, f'Translate 0 1 0 Import "part.pbrt" {TRIANGLE} NamedMaterial "m" {BALL}')
+        import_scene(
+            tmp_path, part, f'Translate 0 1 0 Import "part.pbrt" {TRIANGLE} NamedMaterial "m" {BALL}'
+        )
     )
     assert [color(scene, i) for i in range(3)] == [[1, 0, 0], [0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]
     assert [mesh(scene, i).vertices[0].tolist() for i in range(2)] == [[1, 1, 0], [0, 1, 0]]

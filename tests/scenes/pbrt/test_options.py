@@ -7,7 +7,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from scenes.description import PixelFilter
+from scenes.description.scene import PixelFilter
 from scenes.pbrt.parser import parse
 from tests.kit.scene_texts import HEAD, fails
 
@@ -22,7 +22,10 @@ REST = 'Camera "perspective"\nWorldBegin\n'
         ('PixelFilter "box" "float xradius" 1 "float yradius" 2', PixelFilter("box", 1.0, 2.0)),
         ('PixelFilter "triangle"', PixelFilter("triangle", 2.0, 2.0)),
         ('PixelFilter "gaussian"', PixelFilter("gaussian", 1.5, 1.5, 0.5)),
-        ('PixelFilter "gaussian" "float xradius" 2 "float sigma" .75', PixelFilter("gaussian", 2.0, 1.5, 0.75)),
+        (
+            'PixelFilter "gaussian" "float xradius" 2 "float sigma" .75',
+            PixelFilter("gaussian", 2.0, 1.5, 0.75),
+        ),
     ],
 )
 def test_pixel_filters(line: str, expected: PixelFilter) -> None:
@@ -39,7 +42,11 @@ def test_a_filter_is_content() -> None:
 @pytest.mark.parametrize(
     ("line", "estimator", "distance"),
     [
-        ('Integrator "path" "integer maxdepth" 1 "string lightsampler" "power" "bool regularize" false', None, np.inf),
+        (
+            'Integrator "path" "integer maxdepth" 1 "string lightsampler" "power" "bool regularize" false',
+            None,
+            np.inf,
+        ),
         ('Integrator "volpath" "integer maxdepth" 1', None, np.inf),
         ('Integrator "simplepath" "integer maxdepth" 1', None, np.inf),
         ('Integrator "simplepath" "integer maxdepth" 1 "bool samplelights" false', "bsdf", np.inf),
@@ -49,7 +56,11 @@ def test_a_filter_is_content() -> None:
             np.inf,
         ),
         ('Integrator "ambientocclusion"', "ambient-occlusion", np.inf),
-        ('Integrator "ambientocclusion" "bool cossample" false "float maxdistance" 2.5', "ambient-occlusion", 2.5),
+        (
+            'Integrator "ambientocclusion" "bool cossample" false "float maxdistance" 2.5',
+            "ambient-occlusion",
+            2.5,
+        ),
     ],
 )
 def test_integrators(line: str, estimator: str | None, distance: float) -> None:
@@ -68,14 +79,23 @@ def test_sampler_and_integrator_keep_each_other(order: str) -> None:
     "line",
     [
         'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "float cropwindow" [ 0 1 0 1 ]',
-        'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "integer pixelbounds" [ 0 200 0 100 ]',
+        (
+            'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "integer pixelbounds" [ 0 '
+            "200 0 100 ]"
+        ),
         'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "float maxcomponentvalue" 1e7',
-        'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "string sensor" "cie1931" "float iso" 100',
+        (
+            'Film "rgb" "integer xresolution" 200 "integer yresolution" 100 "string sensor" "cie1931" "float '
+            'iso" 100'
+        ),
     ],
 )
 def test_a_film_that_says_what_holds_anyway(line: str) -> None:
     plain = 'Film "rgb" "integer xresolution" 200 "integer yresolution" 100\n'
-    window = 'Camera "perspective" "float screenwindow" [ -2 2 -1 1 ] "float shutteropen" 0 "float shutterclose" 1\n'
+    window = (
+        'Camera "perspective" "float screenwindow" [ -2 2 -1 1 ] "float shutteropen" 0 "float '
+        'shutterclose" 1\n'
+    )
     assert parse(f"{line}\n{window}WorldBegin").content_hash() == parse(plain + REST).content_hash()
 
 
@@ -90,7 +110,10 @@ def test_a_film_that_says_what_holds_anyway(line: str) -> None:
         ('Sampler "halton" "integer pixelsamples" 8 "string randomization" "permutedigits"', ("sobol", 8, 0)),
         ('Sampler "pmj02bn"', ("sobol", 16, 0)),
         ('Sampler "stratified"', ("stratified", 16, 0)),
-        ('Sampler "stratified" "integer xsamples" 8 "integer ysamples" 2 "bool jitter" true', ("stratified", 16, 0)),
+        (
+            'Sampler "stratified" "integer xsamples" 8 "integer ysamples" 2 "bool jitter" true',
+            ("stratified", 16, 0),
+        ),
         ('Sampler "stratified" "integer xsamples" [ 3 ] "integer seed" 5', ("stratified", 12, 5)),
     ],
 )
@@ -187,7 +210,8 @@ def test_a_window_of_the_film_s_own_shape_changes_nothing(camera: str, film: str
 def test_without_a_camera_it_is_pbrts_own() -> None:
     """A perspective camera of 90 degrees at the origin, whatever the transformation was."""
     assert (
-        parse("Translate 1 2 3\nWorldBegin").content_hash() == parse('Camera "perspective"\nWorldBegin').content_hash()
+        parse("Translate 1 2 3\nWorldBegin").content_hash()
+        == parse('Camera "perspective"\nWorldBegin').content_hash()
     )
 
 
@@ -212,4 +236,7 @@ def test_without_light_sampling_pbrt_leaves_lights_out(light: str) -> None:
     assert text != HEAD
     fails(text + f'LightSource "{light}"', 5, 46, "samplelights", "take them out")
     assert parse(text + 'LightSource "infinite"').defaults.estimator == "bsdf"
-    assert parse(HEAD.replace("Integrator", line + "Integrator") + f'LightSource "{light}"').defaults.estimator is None
+    assert (
+        parse(HEAD.replace("Integrator", line + "Integrator") + f'LightSource "{light}"').defaults.estimator
+        is None
+    )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import Emission, Sphere
+from scenes.description.shapes import Emission, Sphere
 from scenes.errors import SceneError
 from scenes.pbrt.blocks import NESTING_LIMIT
 from scenes.pbrt.parser import parse, parse_file
@@ -55,7 +55,11 @@ def test_attributes_are_saved_and_restored() -> None:
     inner, nested, outer = scene.shapes
     centers = [shape.geometry.center.tolist() for shape in scene.shapes if isinstance(shape.geometry, Sphere)]
     assert centers == [[1, 1, 0], [1, 1, 0], [1, 0, 0]]
-    assert [s.geometry.reverse for s in scene.shapes if isinstance(s.geometry, Sphere)] == [True, False, False]
+    assert [s.geometry.reverse for s in scene.shapes if isinstance(s.geometry, Sphere)] == [
+        True,
+        False,
+        False,
+    ]
     assert [s.material.reflectance[0] for s in scene.shapes] == [0.2, 0.2, 0.1]
     assert isinstance(inner.emission, Emission)
     assert inner.emission.radiance.tolist() == [1, 2, 3]
@@ -100,7 +104,12 @@ def test_shapes_know_where_they_stand() -> None:
 @pytest.mark.parametrize(
     ("body", "line", "column", "words"),
     [
-        ('  LightSource "goniometric" "rgb I" [ 1 1 1 ]', 1, 3, ('LightSource "goniometric"', '"infinite", "distant"')),
+        (
+            '  LightSource "goniometric" "rgb I" [ 1 1 1 ]',
+            1,
+            3,
+            ('LightSource "goniometric"', '"infinite", "distant"'),
+        ),
         ('\nTexture "t" "float" "wrinkled"', 2, 1, ("not supported", '"imagemap"')),
         ('Attribute "camera" "float fov" 1', 1, 1, ('"camera"', "shape, light")),
         ("Shapes", 1, 1, ("unknown directive 'Shapes'", "Shape")),
@@ -143,7 +152,12 @@ def test_shapes_know_where_they_stand() -> None:
         ('AreaLightSource "diffuse" "float scale" -1', 1, 27, ("negative",)),
         ('AreaLightSource "diffuse" "rgb L" [ 1e30 0 0 ] "float scale" 10', 1, 27, ("1e30",)),
         ('AreaLightSource "diffuse" "string filename" "a.exr"', 1, 27, ("a.exr", "no such image")),
-        ('AreaLightSource "diffuse" "string filename" "a.exr" "rgb L" [ 1 1 1 ]', 1, 27, ("either L or filename",)),
+        (
+            'AreaLightSource "diffuse" "string filename" "a.exr" "rgb L" [ 1 1 1 ]',
+            1,
+            27,
+            ("either L or filename",),
+        ),
         ('AreaLightSource "diffuse" "bool twosided" "yes"', 1, 43, ("bool",)),
         ('AreaLightSource "diffuse" "float L" 3000', 1, 27, ('"rgb L"', '"blackbody L"')),
         ('ColorSpace "aces2065-1"', 1, 1, ("srgb",)),

@@ -1,4 +1,6 @@
-"""The scenes that pbrt-v4 rendered: they parse as they stand, and their lights appear just where pbrt saw them."""
+"""The scenes that pbrt-v4 rendered: they parse as they stand, and their lights appear just where pbrt saw
+them.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.description import BilinearMesh, Disk, DistantLight, Environment, SceneDescription, Sphere
+from scenes.description.lights import DistantLight, Environment
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, Sphere
 from scenes.images.exr import read_rgb
 from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.write.scene import to_pbrt
 from tests.kit.scene_texts import face_normals
 
 FOLDER = Path(__file__).parents[4] / "shared" / "references"
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="pbrt's reference images are not beside this checkout")
+pytestmark = pytest.mark.skipif(
+    not FOLDER.is_dir(), reason="pbrt's reference images are not beside this checkout"
+)
 
 
 @pytest.mark.parametrize("name", ["rect-over-floor", "disk-over-floor", "sphere-light", "touching-light"])
@@ -59,7 +65,9 @@ def test_the_scenes_with_lights_that_are_no_shapes() -> None:
 
 
 def rays(scene: SceneDescription, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray]:
-    """Eye (3,) and directions (h, w, 3) through the point (dx, dy) of each pixel, by pbrt's conventions written out anew."""
+    """Eye (3,) and directions (h, w, 3) through the point (dx, dy) of each pixel, by pbrt's conventions
+    written out anew.
+    """
     width, height = scene.film.width, scene.film.height
     half = np.tan(np.radians(scene.camera.fov) / 2) / min(width, height)
     x = (2 * (np.arange(width) + dx) - width) * half
@@ -69,7 +77,9 @@ def rays(scene: SceneDescription, dx: float, dy: float) -> tuple[np.ndarray, np.
 
 
 def hits_light(scene: SceneDescription, dx: float, dy: float) -> np.ndarray:
-    """(h, w) bool: whether the line through that point of each pixel meets the light, the last shape of these files."""
+    """(h, w) bool: whether the line through that point of each pixel meets the light, the last shape of these
+    files.
+    """
     eye, d = rays(scene, dx, dy)
     light = scene.shapes[-1].geometry
     if isinstance(light, Sphere):
@@ -86,9 +96,11 @@ def hits_light(scene: SceneDescription, dx: float, dy: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["sphere-light", "touching-light"])
 def test_the_light_covers_exactly_pbrt_s_pixels(name: str) -> None:
-    """A wrong handedness, field of view, aspect or transformation moves the light's outline by more than a pixel.
+    """A wrong handedness, field of view, aspect or transformation moves the light's outline by more than a
+    pixel.
 
-    pbrt samples wavelengths, so that a pixel full of light is noisy too; its noise is half the difference of the two runs.
+    pbrt samples wavelengths, so that a pixel full of light is noisy too; its noise is half the difference of
+    the two runs.
     """
     scene = parse_file(FOLDER / f"{name}.pbrt")
     first, second = (read_rgb(FOLDER / f"{name}.{run}.exr") for run in "ab")
@@ -103,5 +115,7 @@ def test_the_light_covers_exactly_pbrt_s_pixels(name: str) -> None:
     assert np.all(
         np.abs(image[inside] - emission.radiance) < 6 * noise
     )  # 17,000 values: 6 sigma at random in one of 30,000 runs
-    assert np.all(6 * noise < 0.1 * emission.radiance)  # so a pixel that the light fills to nine tenths would be seen
+    assert np.all(
+        6 * noise < 0.1 * emission.radiance
+    )  # so a pixel that the light fills to nine tenths would be seen
     assert image[outside].max() < 0.5 * emission.radiance.max()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes.description import BilinearMesh, Disk, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, Sphere, TriangleMesh
 from scenes.pbrt.directives.meshes import patch_problem
 from tests.kit.scene_texts import PATCH, TRIANGLE, face_normals, world, world_fails
 
@@ -30,7 +30,8 @@ def normals_of(body: str) -> list[list[float]]:
     return face_normals(geometry.vertices, geometry.faces, geometry.reverse).tolist()
 
 
-# pbrt-v4: the normal of a triangle and of a patch is turned by ReverseOrientation xor a mirroring transformation.
+# pbrt-v4: the normal of a triangle and of a patch is turned by ReverseOrientation xor a mirroring
+# transformation.
 # A mirrored mesh keeps the normal that the mirrored surface would have (the mirror image of the old one).
 @pytest.mark.parametrize(
     ("state", "normal"),
@@ -52,7 +53,8 @@ def test_orientation_of_flat_shapes(shape: str, state: str, normal: list[float])
 
 def test_a_triangle_mesh_is_taken_as_it_stands() -> None:
     body = (
-        'Shape "trianglemesh" "point3 P" [ 0 0 0  1 0 0  0 1 0  9 9 9 ] "integer indices" [ 2 0 1  0 0 0 ] "point2 uv" '
+        'Shape "trianglemesh" "point3 P" [ 0 0 0  1 0 0  0 1 0  9 9 9 ] "integer indices" [ 2 0 1  0 0 '
+        '0 ] "point2 uv" '
     )
     geometry = world(body + "[ 0 0 0 0 0 0 0 0 ]").shapes[0].geometry
     assert isinstance(geometry, TriangleMesh)
@@ -74,7 +76,12 @@ def test_negative_zero_is_written_as_zero() -> None:
         ('Translate 1 2 3 Scale 2 2 2 Shape "sphere" "float radius" 0.25', [1, 2, 3], 0.5, False),
         ('Scale 3 -3 3 Translate 0 1 0 Shape "sphere"', [0, -3, 0], 3, True),
         ('Scale 3 -3 3 ReverseOrientation Shape "sphere"', [0, 0, 0], 3, False),
-        ('ReverseOrientation Shape "sphere" "float zmin" -1 "float zmax" 1 "float phimax" 360', [0, 0, 0], 1, True),
+        (
+            'ReverseOrientation Shape "sphere" "float zmin" -1 "float zmax" 1 "float phimax" 360',
+            [0, 0, 0],
+            1,
+            True,
+        ),
     ],
 )
 def test_spheres(body: str, center: list[float], radius: float, reverse: bool) -> None:
@@ -93,10 +100,12 @@ def test_a_rotated_sphere_keeps_its_radius_to_the_bit() -> None:
         ('Shape "disk" "float height" 2 "float radius" 3', [0, 0, 2], [0, 0, 1], 3),
         ('Translate 1 2 3 Rotate 90 1 0 0 Shape "disk" "float height" 2', [1, 0, 3], [0, -1, 0], 1),
         ('ReverseOrientation Shape "disk"', [0, 0, 0], [0, 0, -1], 1),
-        ('Scale 1 1 -2 Shape "disk" "float height" 1', [0, 0, -2], [0, 0, 1], 1),  # z to -z, and turned for mirroring
+        # z to -z, and turned for mirroring
+        ('Scale 1 1 -2 Shape "disk" "float height" 1', [0, 0, -2], [0, 0, 1], 1),
         ('Scale -2 2 5 Shape "disk"', [0, 0, 0], [0, 0, -1], 2),
         # sheared along the disk's plane: still that disk, and the normal is no image of a vector
-        ('ConcatTransform [ 1 0 0 0  0 1 0 0  1 0 1 0  0 0 0 1 ] Shape "disk" "float height" 1', [1, 0, 1], [0, 0, 1], 1),
+        (('ConcatTransform [ 1 0 0 0  0 1 0 0  1 0 1 0  0 0 0 1 ] Shape "disk" "float '
+'height" 1'), [1, 0, 1], [0, 0, 1], 1),
     ],
 )  # fmt: skip
 def test_disks(body: str, center: list[float], normal: list[float], radius: float) -> None:
@@ -112,7 +121,11 @@ def test_a_light_on_a_disk_shines_along_its_normal() -> None:
 @pytest.mark.parametrize("shape", ["sphere", "disk"])
 def test_a_mirrored_one_sided_light_is_refused_where_pbrt_contradicts_itself(shape: str) -> None:
     world_fails(LIGHT + f'Scale -1 1 1\nShape "{shape}"', 3, 1, "mirroring", "ReverseOrientation")
-    assert world(f'AreaLightSource "diffuse" "bool twosided" true Scale -1 1 1 Shape "{shape}"').shapes[0].emission
+    assert (
+        world(f'AreaLightSource "diffuse" "bool twosided" true Scale -1 1 1 Shape "{shape}"')
+        .shapes[0]
+        .emission
+    )
     assert world(LIGHT + f'Scale -1 -1 1 Shape "{shape}"').shapes[0].emission
 
 
@@ -152,14 +165,18 @@ def test_planarity_is_judged_at_the_patch_s_own_size(size: float) -> None:
 
 
 def test_order_and_shape_of_a_patch() -> None:
-    assert "p00 p10 p01 p11" in (patch_problem(CORNERS, np.array([[0, 1, 3, 2]])) or "")  # corners round the face
+    assert "p00 p10 p01 p11" in (
+        patch_problem(CORNERS, np.array([[0, 1, 3, 2]])) or ""
+    )  # corners round the face
     dart = np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [0.4, 0.4, 0]])
     assert "not convex" in (patch_problem(dart, ONE) or "")
     assert (
         patch_problem(np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0], [1.5, 1.2, 0]]), ONE) is None
     )  # a trapezium is fine
     assert "no area" in (patch_problem(CORNERS * [1, 0, 1], ONE) or "")
-    assert patch_problem(CORNERS[[0, 0, 2, 3]], ONE) is None  # two corners in one: pbrt takes it for a triangle
+    assert (
+        patch_problem(CORNERS[[0, 0, 2, 3]], ONE) is None
+    )  # two corners in one: pbrt takes it for a triangle
 
 
 def test_bounds_beyond_a_whole_shape_cut_nothing_off() -> None:
@@ -186,7 +203,8 @@ def test_faces_without_area_shed_no_light() -> None:
         ('Shape "trianglemesh" "point3 P" [ 0 0 0 1 1 1 2 2 2 3 3 3 ]', 1, ("integer indices",)),
         (TRIANGLE + ' "integer indices" [ 0 1 ]', len(TRIANGLE) + 2, ("groups of 3",)),
         (TRIANGLE + ' "integer indices" [ ]', len(TRIANGLE) + 2, ("groups of 3",)),
-        (TRIANGLE + ' "integer indices" [ 0 1 3 ]', len(TRIANGLE) + 26, ("index 3 is out of range", "3 points")),
+        (TRIANGLE + (' "integer indices" '
+'[ 0 1 3 ]'), len(TRIANGLE) + 26, ("index 3 is out of range", "3 points")),
         (TRIANGLE + ' "integer indices" [ 0 -1 2 ]', len(TRIANGLE) + 24, ("index -1",)),
         (TRIANGLE + ' "integer indices" [ 0 1.5 2 ]', len(TRIANGLE) + 24, ("whole number",)),
         (TRIANGLE + ' "normal N" [ 0 0 1 0 .1 1 0 0 1 ]', len(TRIANGLE) + 2, ("smooth shading",)),
@@ -217,5 +235,7 @@ def test_faces_without_area_shed_no_light() -> None:
         ('Shape "plymesh" "string filename" "gone.ply"', 17, ("gone.ply", "No such file")),
     ],
 )  # fmt: skip
-def test_shapes_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+def test_shapes_that_cannot_be_are_refused_where_they_stand(
+    body: str, column: int, words: tuple[str, ...]
+) -> None:
     world_fails(body, 1, column, *words)

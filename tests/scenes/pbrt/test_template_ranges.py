@@ -1,4 +1,6 @@
-"""Intervals in a template's declarations: what they allow, how they are refused, and that they are optional."""
+"""Intervals in a template's declarations: what they allow, how they are refused, and that they are
+optional.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,8 @@ def test_a_declaration_without_an_interval_allows_any_number() -> None:
 @pytest.mark.parametrize(
     "declaration",
     [
-        '1 in "x"', '1 in (0 10) "x"', '1 in 0, 10 "x"', '1 in (0, 10 "x"', '1 in (a, 10] "x"', '1 (0, 10] "x"', '1 in (0, 10] in (0, 1] "x"',
+        '1 in "x"', '1 in (0 10) "x"', '1 in 0, 10 "x"', '1 in (0, 10 "x"', '1 in (a, 10] "x"', '1 (0, 10] "x"', ('1 '  # noqa: E501
+'in (0, 10] in (0, 1] "x"'),
     ],
 )  # fmt: skip
 def test_a_bad_interval_is_refused(declaration: str) -> None:

@@ -1,4 +1,6 @@
-"""`Texture`s that stand on others: what `Attribute` says to them, names that come later, constant factors of images."""
+"""`Texture`s that stand on others: what `Attribute` says to them, names that come later, constant factors of
+images.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ import numpy as np
 import pytest
 
 from renderer.textures import evaluate
-from scenes.description import Checkerboard, ImageTexture, Mix, Product
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product
 from scenes.images.exr import write_exr
 from tests.kit.scene_texts import world_fails
 from tests.scenes.pbrt.test_textures import BYTES, constant, texture_of, write_image
@@ -20,14 +22,21 @@ def test_attributes_of_one_name_and_several_types() -> None:
     mix = 'Texture "t" "spectrum" "mix" "rgb tex1" [ 0 0 0 ] "rgb tex2" [ 1 1 1 ] "texture amount" "n"'
     assert constant(said + 'Texture "n" "float" "constant" ' + mix) == [0.5] * 3
     # a type that nobody asks for is meant for others
-    assert constant('Attribute "texture" "rgb value" [ 0 0 0 ] Texture "n" "float" "constant" ' + mix) == [1, 1, 1]
+    assert constant('Attribute "texture" "rgb value" [ 0 0 0 ] Texture "n" "float" "constant" ' + mix) == [
+        1,
+        1,
+        1,
+    ]
 
 
 def test_names_that_come_later_in_pbrts_order(tmp_path: Path) -> None:
     """Images are made first, then numbers, then colours, whatever the order in the file."""
     write_image(tmp_path / "a.png", BYTES)
     image = 'Texture "i" "spectrum" "imagemap" "string filename" "a.png"'
-    late = f'Texture "t" "spectrum" "scale" "texture tex" "i" "texture scale" "n" Texture "n" "float" "checkerboard" {image}'
+    late = (
+        'Texture "t" "spectrum" "scale" "texture tex" "i" "texture scale" "n" Texture "n" "float" '
+        f'"checkerboard" {image}'
+    )
     product = texture_of(late, tmp_path)
     assert isinstance(product, Product)
     assert isinstance(product.first, ImageTexture)
@@ -44,12 +53,17 @@ def test_names_that_come_later_in_pbrts_order(tmp_path: Path) -> None:
         ('"mix" "float tex1" .25 "float tex2" .25', 0.15),
     ],
 )
-def test_only_what_is_a_constant_to_pbrt_goes_into_the_image(factor: str, value: float, tmp_path: Path) -> None:
+def test_only_what_is_a_constant_to_pbrt_goes_into_the_image(
+    factor: str, value: float, tmp_path: Path
+) -> None:
     """1 - 0.4 / 4, and elsewhere (1 - 0.4) / 4."""
     write_exr(tmp_path / "a.exr", {name: np.array([[0.4]]) for name in "RGB"})
     image = 'Texture "i" "spectrum" "imagemap" "string filename" "a.exr" "bool invert" true'
     scaled = texture_of(
-        f'Texture "k" "float" {factor} {image} Texture "t" "spectrum" "scale" "texture tex" "i" "texture scale" "k"',
+        (
+            f'Texture "k" "float" {factor} {image} Texture "t" "spectrum" "scale" "texture tex" "i" "texture '
+            'scale" "k"'
+        ),
         tmp_path,
     )
     np.testing.assert_allclose(evaluate(scaled, np.array([[0.5], [0.5]])), value, rtol=1e-6)
@@ -59,7 +73,8 @@ def test_a_constant_factor_is_the_image_s_own_as_in_pbrt(tmp_path: Path) -> None
     write_exr(tmp_path / "a.exr", {name: np.array([[0.25, 0.8]]) for name in "RGB"})
     image = 'Texture "i" "{}" "imagemap" "string filename" "a.exr" "float scale" 2 "bool invert" true '
     scaled = texture_of(
-        image.format("spectrum") + 'Texture "t" "spectrum" "scale" "texture tex" "i" "float scale" .5', tmp_path
+        image.format("spectrum") + 'Texture "t" "spectrum" "scale" "texture tex" "i" "float scale" .5',
+        tmp_path,
     )
     assert isinstance(scaled, ImageTexture)
     assert (scaled.scale, scaled.invert) == (1, True)

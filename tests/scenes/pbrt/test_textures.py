@@ -8,7 +8,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from scenes.description import Checkerboard, Diffuse, Disk, ImageTexture, Mix, Product, Sphere, Texture, TriangleMesh
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Disk, Sphere, TriangleMesh
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture
 from scenes.errors import SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
@@ -44,11 +46,15 @@ def constant(body: str) -> list[float]:
         ('Texture "t" "spectrum" "constant" "rgb value" [ .1 .2 .3 ]', [0.1, 0.2, 0.3]),
         ('Texture "t" "spectrum" "scale"', [1, 1, 1]),
         ('Texture "t" "spectrum" "scale" "rgb tex" [ .2 .4 1 ] "float scale" .5', [0.1, 0.2, 0.5]),
-        ('Texture "t" "spectrum" "scale" "rgb tex" [ .2 .4 1 ] "float scale" 3', [pytest.approx(0.6), 1, 1]),  # clamped, as in pbrt
+        # clamped, as in pbrt
+        ('Texture "t" "spectrum" "scale" "rgb tex" [ .2 .4 1 ] "float scale" 3', [pytest.approx(0.6), 1, 1]),
         ('Texture "t" "spectrum" "mix"', [0.5, 0.5, 0.5]),
-        ('Texture "t" "spectrum" "mix" "rgb tex1" [ 1 0 0 ] "rgb tex2" [ 0 1 0 ] "float amount" .25', [0.75, 0.25, 0]),
-        ('Texture "a" "float" "constant" "float value" .25 Texture "t" "spectrum" "mix" "texture amount" "a"', [0.25] * 3),
-        ('Texture "t" "float" "constant" Texture "t" "spectrum" "constant" "rgb value" [ 0 0 0 ]', [0, 0, 0]),  # apart
+        (('Texture "t" "spectrum" "mix" "rgb tex1" [ 1 0 0 ] "rgb tex2" [ 0 1 0 ] "float '
+'amount" .25'), [0.75, 0.25, 0]),
+        (('Texture "a" "float" "constant" "float value" .25 Texture "t" "spectrum" "mix" "texture '
+'amount" "a"'), [0.25] * 3),
+        # apart
+        ('Texture "t" "float" "constant" Texture "t" "spectrum" "constant" "rgb value" [ 0 0 0 ]', [0, 0, 0]),
         ('Attribute "texture" "rgb value" [ 0 1 0 ] Texture "t" "spectrum" "constant"', [0, 1, 0]),
     ],
 )  # fmt: skip
@@ -164,7 +170,9 @@ def test_bytes_are_srgb(tmp_path: Path, name: str) -> None:
 def test_encodings_of_png(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png", BYTES)
     np.testing.assert_allclose(image_of(tmp_path, '"string encoding" "linear"').image, BYTES / 255, atol=1e-7)
-    np.testing.assert_allclose(image_of(tmp_path, '"string encoding" "gamma 2"').image, (BYTES / 255) ** 2, atol=1e-7)
+    np.testing.assert_allclose(
+        image_of(tmp_path, '"string encoding" "gamma 2"').image, (BYTES / 255) ** 2, atol=1e-7
+    )
     with pytest.raises(SceneError, match='unknown encoding "rec709"'):
         image_of(tmp_path, '"string encoding" "rec709"')
 
@@ -174,7 +182,9 @@ def test_floats_are_linear_and_bounded_like_a_reflectance(tmp_path: Path) -> Non
     write_exr(tmp_path / "a.exr", dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))
     seen = [[[0.25, 0.5, 1]], [[0.125, 0, 0]]]
     assert values(image_of(tmp_path, name="a.exr")) == seen
-    (tmp_path / "b.pfm").write_bytes(b"PF\n1 2\n-1.0\n" + pixels[::-1].astype("<f4").tobytes())  # PFM goes bottom up
+    (tmp_path / "b.pfm").write_bytes(
+        b"PF\n1 2\n-1.0\n" + pixels[::-1].astype("<f4").tobytes()
+    )  # PFM goes bottom up
     assert values(image_of(tmp_path, name="b.pfm")) == seen
 
 
@@ -186,7 +196,10 @@ def test_scale_and_inversion_as_pbrt_orders_them(tmp_path: Path) -> None:
     assert values(texture)[0] == [[0.5] * 3, [0] * 3]
     assert (texture.wrap, texture.filter) == ("clamp", "point")
     for filter_ in ("trilinear", "ewa", "EWA"):
-        assert image_of(tmp_path, f'"string filter" "{filter_}" "float maxanisotropy" 4', "a.exr").filter == "bilinear"
+        assert (
+            image_of(tmp_path, f'"string filter" "{filter_}" "float maxanisotropy" 4', "a.exr").filter
+            == "bilinear"
+        )
 
 
 def test_alpha_is_left_out_and_not_multiplied_in(tmp_path: Path) -> None:
@@ -216,7 +229,8 @@ def test_gray_images_and_images_of_numbers(tmp_path: Path) -> None:
         ('Texture "t" "spectrum" "constant" "rgb value" [ 2 0 0 ]', 35, ("at most 1",)),
         ('Texture "t" "spectrum" "constant" "float value" 1', 35, ('"rgb value"',)),
         ('Texture "t" "spectrum" "scale" "texture tex" "gone"', 32, ("texture is called 'gone'", "none")),
-        ('Texture "t" "float" "scale" "texture scale" "t"', 29, ("'t'",)),  # a texture inside itself is not there yet
+        # a texture inside itself is not there yet
+        ('Texture "t" "float" "scale" "texture scale" "t"', 29, ("'t'",)),
         ('Texture "t" "spectrum" "checkerboard" "integer dimension" 3', 39, ("dimension 3",)),
         ('Texture "t" "spectrum" "checkerboard" "string mapping" "spherical"', 39, ('"spherical"', '"uv"')),
         ('Texture "t" "spectrum" "imagemap"', 1, ('"string filename"',)),
@@ -224,10 +238,13 @@ def test_gray_images_and_images_of_numbers(tmp_path: Path) -> None:
         ('Texture "t" "spectrum" "imagemap" "string filter" "sharp"', 35, ("sharp", "bilinear")),
         ('Texture "t" "spectrum" "imagemap" "float scale" -1', 35, ("negative",)),
         (USE + 'Shape "sphere"', 20, ("no spectrum texture is called 't'",)),
-        ('Texture "t" "float" "constant" ' + USE + 'Shape "sphere"', 51, ("no spectrum texture is called 't'",)),
+        ('Texture "t" "float" "constant" ' + USE + 'Shape "sphere"', 51, (("no spectrum texture is "
+"called 't'"),)),
     ],
 )  # fmt: skip
-def test_textures_that_cannot_be_are_refused_where_they_stand(body: str, column: int, words: tuple[str, ...]) -> None:
+def test_textures_that_cannot_be_are_refused_where_they_stand(
+    body: str, column: int, words: tuple[str, ...]
+) -> None:
     world_fails(body, 1, column, *words)
 
 

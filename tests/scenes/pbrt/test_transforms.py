@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes.description import TriangleMesh
+from scenes.description.shapes import TriangleMesh
 from scenes.pbrt.parser import parse
-from scenes.pbrt.transforms import Transform, from_matrix, look_at, rotate, scale, translate, uniform_scale, unit
+from scenes.pbrt.transforms import (
+    Transform,
+    from_matrix,
+    look_at,
+    rotate,
+    scale,
+    translate,
+    uniform_scale,
+    unit,
+)
 from tests.kit.scene_texts import HEAD, TRIANGLE, fails, world, world_fails
 
 
@@ -34,9 +43,12 @@ X, Y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
         ("Translate 5 5 5 Identity\n", [[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
         # column after column: the images of x, y, z, then of the origin
         ("Transform [ 0 1 0 0  0 0 1 0  1 0 0 0  4 5 6 1 ]\n", [[4, 5, 6], [4, 6, 6], [4, 5, 7]]),
-        ("Translate 9 9 9 Transform [ 1 0 0 0  0 1 0 0  0 0 1 0  4 5 6 1 ]\n", [[4, 5, 6], [5, 5, 6], [4, 6, 6]]),
-        ("Scale 2 2 2 ConcatTransform [ 1 0 0 0  0 1 0 0  0 0 1 0  4 5 6 1 ]\n", [[8, 10, 12], [10, 10, 12], [8, 12, 12]]),
-        ('Translate 1 0 0 CoordinateSystem "a" Identity Scale 3 3 3 CoordSysTransform "a"\n', [[1, 0, 0], [2, 0, 0], [1, 1, 0]]),
+        (("Translate 9 9 9 Transform [ 1 0 0 0  0 1 0 0  0 0 1 0  4 "
+"5 6 1 ]\n"), [[4, 5, 6], [5, 5, 6], [4, 6, 6]]),
+        (("Scale 2 2 2 ConcatTransform [ 1 0 0 0  0 1 0 0  0 0 1 0  4 "
+"5 6 1 ]\n"), [[8, 10, 12], [10, 10, 12], [8, 12, 12]]),
+        (('Translate 1 0 0 CoordinateSystem "a" Identity Scale 3 3 3 '
+'CoordSysTransform "a"\n'), [[1, 0, 0], [2, 0, 0], [1, 1, 0]]),
         ('Translate 1 0 0 CoordSysTransform "world"\n', [[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
     ],
 )  # fmt: skip
@@ -165,6 +177,8 @@ def test_camera_may_mirror_and_scale_but_not_stretch() -> None:
 
 
 def test_many_turns_are_no_turn() -> None:
-    np.testing.assert_array_equal(rotate(360.0 * 2**40 + 90, 1.0, 2.0, 3.0).matrix, rotate(90.0, 1.0, 2.0, 3.0).matrix)
+    np.testing.assert_array_equal(
+        rotate(360.0 * 2**40 + 90, 1.0, 2.0, 3.0).matrix, rotate(90.0, 1.0, 2.0, 3.0).matrix
+    )
     huge = rotate(1e200, 1.0, 2.0, 3.0).matrix[:3, :3]  # whatever it is, it is a rotation
     np.testing.assert_allclose(huge.T @ huge, np.eye(3), atol=1e-14)

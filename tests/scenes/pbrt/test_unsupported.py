@@ -121,12 +121,16 @@ def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, pr
 def test_what_pbrt_would_take_is_listed_with_the_rest(line: str, tmp_path: Path) -> None:
     write_exr(tmp_path / "sky.exr", {name: np.ones((2, 2)) for name in "RGB"})
     text = (
-        HEAD + 'ObjectBegin "ball" Shape "sphere" ObjectEnd Scale 1 2 1\n' + f'Shape "cylinder"\n{line}\nShape "curve"'
+        HEAD
+        + 'ObjectBegin "ball" Shape "sphere" ObjectEnd Scale 1 2 1\n'
+        + f'Shape "cylinder"\n{line}\nShape "curve"'
     )
     (tmp_path / "main.pbrt").write_text(text)
     with pytest.raises(SceneError) as caught:
         parse_file(tmp_path / "main.pbrt")
-    lines = [line.removeprefix(f"{tmp_path}/main.pbrt:").split(":")[0] for line in str(caught.value).splitlines()]
+    lines = [
+        line.removeprefix(f"{tmp_path}/main.pbrt:").split(":")[0] for line in str(caught.value).splitlines()
+    ]
     assert lines == ["8", "9", "10"]
 
 
@@ -172,7 +176,9 @@ def test_what_an_attribute_asks_for_is_named_where_it_says_so(text: str, column:
 
 def test_what_an_attribute_says_to_others_is_let_pass() -> None:
     plain = parse(HEAD + TRIANGLE)
-    said = parse(HEAD + 'Attribute "shape" "float radius" 2 Attribute "material" "float roughness" .5 ' + TRIANGLE)
+    said = parse(
+        HEAD + 'Attribute "shape" "float radius" 2 Attribute "material" "float roughness" .5 ' + TRIANGLE
+    )
     assert said.content_hash() == plain.content_hash()
 
 

@@ -11,19 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 import scenes
-from scenes.description import (
-    BilinearMesh,
-    Diffuse,
-    Disk,
-    Emission,
-    Film,
-    PerspectiveCamera,
-    RenderDefaults,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    TriangleMesh,
-)
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.transforms import look_at, rotate, unit
@@ -51,8 +41,8 @@ def test_exported_text_holds_nothing_that_pbrt_does_not_know(name: str) -> None:
     numbers = {word for word in words if re.fullmatch(r"-?[0-9.]+(e[+-]?[0-9]+)?", word)}
     assert "$" not in text
     assert words - numbers <= {
-        "Transform", "Translate", "Camera", "Film", "PixelFilter", "Sampler", "Integrator", "WorldBegin", "AttributeBegin",
-        "AttributeEnd", "AreaLightSource", "LightSource", "Material", "Texture", "ReverseOrientation", "ConcatTransform", "Shape", "true",
+        "Transform", "Translate", "Camera", "Film", "PixelFilter", "Sampler", "Integrator", "WorldBegin", "AttributeBegin",  # noqa: E501
+        "AttributeEnd", "AreaLightSource", "LightSource", "Material", "Texture", "ReverseOrientation", "ConcatTransform", "Shape", "true",  # noqa: E501
         "false",
     }  # fmt: skip
     for statement in ('"bool savefp16" [ false ]', 'PixelFilter "', 'Integrator "', 'Sampler "'):
@@ -120,7 +110,8 @@ def test_any_description_reads_back_bitwise(seed: int) -> None:
 def test_what_was_transformed_is_exported_in_world_space() -> None:
     body = "Rotate 33 1 2 3 Translate 1 2 3 Scale .1 .1 .1 ReverseOrientation\n" + TRIANGLE + "\n" + PATCH
     body += (
-        '\nShape "sphere" "float radius" 3\nAreaLightSource "diffuse" Rotate 11 0 1 0 Shape "disk" "float height" .3'
+        '\nShape "sphere" "float radius" 3\nAreaLightSource "diffuse" Rotate 11 0 1 0 Shape "disk" '
+        '"float height" .3'
     )
     scene = parse("Rotate 12 3 2 1\nScale -2 2 2\n" + HEAD + body)
     assert parse(to_pbrt(scene)).content_hash() == scene.content_hash()

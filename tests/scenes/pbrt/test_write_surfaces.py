@@ -1,4 +1,6 @@
-"""Lights, materials, textures and filters written as pbrt-v4 text, with their images beside it, read back as the very same bits."""
+"""Lights, materials, textures and filters written as pbrt-v4 text, with their images beside it, read back as
+the very same bits.
+"""
 
 from __future__ import annotations
 
@@ -11,32 +13,11 @@ import pytest
 import skimage.io
 from numpy.typing import NDArray
 
-from scenes.description import (
-    BilinearMesh,
-    Checkerboard,
-    Conductor,
-    Diffuse,
-    Disk,
-    DistantLight,
-    Emission,
-    Environment,
-    Film,
-    ImageTexture,
-    Light,
-    Material,
-    Mix,
-    PixelFilter,
-    PointLight,
-    Product,
-    RenderDefaults,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-    Texture,
-    TriangleMesh,
-    UVMapping,
-)
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.scene import Film, PixelFilter, RenderDefaults, SceneDescription
+from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import PenumbraError
 from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.transforms import unit
@@ -52,7 +33,9 @@ class Rich(Random):
     """Descriptions of everything that is not in `Random`; images hold float32, as those of EXR files do."""
 
     def image(self, gray: bool = False, square: bool = False, powers: bool = False) -> Array:
-        height, width = 2 ** self.rng.integers(0, 3, 2) if powers else self.rng.integers(1, 6, 2)  # others are resized
+        height, width = (
+            2 ** self.rng.integers(0, 3, 2) if powers else self.rng.integers(1, 6, 2)
+        )  # others are resized
         image = (
             self.rng.random((height, height if square else width, 1 if gray else 3))
             .astype(np.float32)
@@ -78,7 +61,9 @@ class Rich(Random):
                 return Checkerboard(self.part(gray, depth), self.part(gray, depth), self.mapping())
             case 2:
                 first, second = self.texture(gray, depth - 1), self.part(True, depth)
-                if isinstance(first, ImageTexture) and isinstance(second, np.ndarray):  # read as the image's own scale
+                if isinstance(first, ImageTexture) and isinstance(
+                    second, np.ndarray
+                ):  # read as the image's own scale
                     return replace(first, scale=first.scale * float(second[0]))
                 return Product(first, second)
             case _:
@@ -97,7 +82,9 @@ class Rich(Random):
                 return PointLight(self.vector(), self.rng.random(3) * self.positive())
             case 1:
                 cone, delta = float(self.rng.uniform(1, 180)), float(self.rng.random())
-                return SpotLight(self.vector(), self.direction(), self.rng.random(3), cone, cone - cone * delta)
+                return SpotLight(
+                    self.vector(), self.direction(), self.rng.random(3), cone, cone - cone * delta
+                )
             case _:
                 return DistantLight(self.direction(), self.rng.random(3))
 
@@ -132,7 +119,9 @@ class Rich(Random):
                 image = self.image() if self.flag() else None
                 light = Emission(np.full(3, self.positive()), self.flag(), image)
                 uv = self.rng.random((4, 2)) if image is None and textured else None
-                return ShapeDescription(BilinearMesh(patch.vertices, patch.faces, patch.reverse, uv), material, light)
+                return ShapeDescription(
+                    BilinearMesh(patch.vertices, patch.faces, patch.reverse, uv), material, light
+                )
             case 2:
                 return ShapeDescription(
                     Sphere(self.vector(), self.positive(), self.flag(), frame if textured else None), material
@@ -168,10 +157,11 @@ def test_images_of_bytes_read_back_bitwise(tmp_path: Path) -> None:
     skimage.io.imsave(tmp_path / "bytes.png", pixels)
     look = '"string filename" "bytes.png" "float scale" 0.3 "bool invert" true'
     (tmp_path / "from.pbrt").write_text(
-        HEAD + f'LightSource "infinite" "rgb L" [ .1 .7 .3 ] LightSource "infinite" "string filename" "bytes.png"\n'
+        HEAD
+        + f'LightSource "infinite" "rgb L" [ .1 .7 .3 ] LightSource "infinite" "string filename" "bytes.png"\n'  # noqa: E501
         f'Texture "n" "float" "imagemap" {look} Texture "c" "spectrum" "imagemap" {look}\n'
-        f'Texture "t" "spectrum" "mix" "texture tex1" "c" "texture amount" "n" Material "diffuse" "texture reflectance" "t"\n'
-        + TRIANGLE
+        f'Texture "t" "spectrum" "mix" "texture tex1" "c" "texture amount" "n" Material "diffuse" "texture reflectance" "t"\n'  # noqa: E501
+         + TRIANGLE
     )
     scene = parse_file(tmp_path / "from.pbrt")
     assert parse_file(written(scene, tmp_path)).content_hash() == scene.content_hash()
@@ -211,7 +201,9 @@ def hash_of(part: Light | ShapeDescription) -> str:
 def test_a_texture_used_twice_is_written_once(tmp_path: Path) -> None:
     texture = ImageTexture(np.full((2, 2, 3), 0.25))
     shapes = tuple(
-        ShapeDescription(Sphere(np.zeros(3), 1.0, frame=np.eye(3)), Diffuse(Mix(np.ones(3), texture, np.full(3, t))))
+        ShapeDescription(
+            Sphere(np.zeros(3), 1.0, frame=np.eye(3)), Diffuse(Mix(np.ones(3), texture, np.full(3, t)))
+        )
         for t in (0.25, 0.5)
     )
     exported = export(replace(world(""), shapes=shapes), "a name")

@@ -1,4 +1,6 @@
-"""PLY files that are cut off, lie or ask for too much: one line that says so, at once and in little memory."""
+"""PLY files that are cut off, lie or ask for too much: one line that says so, at once and in little
+memory.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def refused(path: Path, word: str) -> str:
 
 @pytest.mark.parametrize("data", [BINARY, TEXT, ply_bytes("binary_big_endian", POINTS, FACES)])
 def test_a_file_cut_off_anywhere_is_refused(tmp_path: Path, data: bytes) -> None:
-    """Each of its prefixes, but for a text without the end of its last number or line, which nothing tells from a whole one."""
+    """Each of its prefixes, but for a text without the end of its last number or line, which nothing tells
+    from a whole one.
+    """
     for size in range(len(data) - (2 if data is TEXT else 0)):
         message = refused(written(tmp_path, data[:size]), "no PLY file|as its header says|no 'end_header'")
         assert "triangulate" not in message
@@ -57,14 +61,22 @@ def test_faces_of_other_corners_are_named(tmp_path: Path, encoding: str, corners
     rows = [((0, 1, 2),)] * 40 + [((0, 1, 2, 3),), ((0,) * corners,), ((0,) * corners,)]
     path = written(tmp_path, ply_bytes(encoding, POINTS, ("face", [CORNERS], rows)))
     refused(
-        path, rf"neither triangles nor quadrilaterals, which pbrt leaves out: triangulate it \(face 41 has {corners} c"
+        path,
+        (
+            rf"neither triangles nor quadrilaterals, which pbrt leaves out: triangulate it \(face 41 has "
+            rf"{corners} c"
+        ),
     )
 
 
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
-        (b"binary_little_endian", b"binary_middle_endian", "its format must be one of ascii, binary_little_endian"),
+        (
+            b"binary_little_endian",
+            b"binary_middle_endian",
+            "its format must be one of ascii, binary_little_endian",
+        ),
         (b"1.0", b"2.0", "its format"),
         (b"format", b"fromat", "its format"),
         (b"float x", b"what x", "its header has the line 'property what x'"),
@@ -103,7 +115,11 @@ def test_headers_that_are_none(tmp_path: Path, old: bytes, new: bytes, word: str
         (b"3 0 1 2 1", b"nan 0 1 2 1", "has the length nan"),
         (b"3 0 1 2 1", b"inf 0 1 2 1", "has the length inf"),
         (b"3 0 1 2 1", b"1e300 0 1 2 1", "has the length 1e.300"),
-        (b"3 0 1 2 1", b"3 0 1 1.5 1", "1.5 of the property 'vertex_indices' is none of its type's whole numbers"),
+        (
+            b"3 0 1 2 1",
+            b"3 0 1 1.5 1",
+            "1.5 of the property 'vertex_indices' is none of its type's whole numbers",
+        ),
         (b"3 0 1 2 1", b"3 0 1 1e10 1", "e.10 of the property"),
         (b"3 0 1 2 1", b"3 0 1-2 1", "line 16: '1-2' is no number"),
         (b"3 0 1 2 1", b"3 0 0x1 2 1", "line 16: '0x1' is no number"),
@@ -121,7 +137,9 @@ def test_text_that_is_not_what_the_header_declares(tmp_path: Path, old: bytes, n
 def test_negative_lengths(tmp_path: Path) -> None:
     data = BINARY.replace(b"list uchar int", b"list char int")
     at = data.index(b"end_header\n") + 11 + 60
-    refused(written(tmp_path, data[:at] + b"\xff" + data[at + 1 :]), "a list in row 0 of 'face' has the length -1")
+    refused(
+        written(tmp_path, data[:at] + b"\xff" + data[at + 1 :]), "a list in row 0 of 'face' has the length -1"
+    )
 
 
 @pytest.mark.parametrize("encoding", FORMATS)
@@ -158,13 +176,16 @@ def test_text_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(meshes, "TEXT_LIMIT", 2000)
     read_ply(written(tmp_path, TEXT))
     refused(
-        written(tmp_path, TEXT + b"\n" * 2000), "larger than the 0 MiB that are read of an ASCII PLY file; a binary"
+        written(tmp_path, TEXT + b"\n" * 2000),
+        "larger than the 0 MiB that are read of an ASCII PLY file; a binary",
     )
     refused(written(tmp_path, TEXT.replace(b"vertex 5", b"vertex 500")), "declares more than the 0 MiB")
 
 
 def test_text_takes_no_more_than_its_numbers() -> None:
-    """Words take 2 bytes, at least, and numbers 8; besides these there are a piece, its marks and its own numbers, which grow as they are found."""
+    """Words take 2 bytes, at least, and numbers 8; besides these there are a piece, its marks and its own
+    numbers, which grow as they are found.
+    """
     text = b"0 " * (4 * PIECE)
     tracemalloc.start()
     numbers = read_numbers(text, 0)
@@ -179,7 +200,10 @@ def test_rows_that_change_too_often_are_refused(tmp_path: Path, monkeypatch: pyt
     triangle, quad = struct.pack("<B3iB", 3, 0, 1, 2, 9), struct.pack("<B4iB", 4, 0, 1, 2, 3, 9)
     points = np.zeros((5, 3), "<f4").tobytes()
     head = HEAD.replace(b"face 3", b"face 400") + b"end_header\n"
-    refused(written(tmp_path, head + points + (triangle + quad) * 200), "changes the size of its 'face' rows too often")
+    refused(
+        written(tmp_path, head + points + (triangle + quad) * 200),
+        "changes the size of its 'face' rows too often",
+    )
     mesh = read_ply(written(tmp_path, head + points + triangle * 200 + quad * 200))
     assert (len(mesh.triangles), len(mesh.quads)) == (200, 200)
 

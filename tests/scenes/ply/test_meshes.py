@@ -1,4 +1,6 @@
-"""PLY files: read to the bit, quadrilaterals as patches, and clear words for what is damaged or not supported."""
+"""PLY files: read to the bit, quadrilaterals as patches, and clear words for what is damaged or not
+supported.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ import pytest
 import trimesh
 from trimesh.exchange.ply import export_ply
 
-from scenes.description import BilinearMesh, TriangleMesh
+from scenes.description.shapes import BilinearMesh, TriangleMesh
 from scenes.errors import PenumbraError, SceneError
 from scenes.pbrt.parser import parse_file
 from scenes.ply.mesh import read_ply
@@ -21,8 +23,13 @@ TRIANGLES, QUADS = "3 0 1 2\n3 0 2 3\n", "4 0 1 2 3\n4 1 4 2 2\n"
 
 
 def ascii_ply(faces: str, points: str = POINTS, extra: str = "") -> bytes:
-    head = f"ply\nformat ascii 1.0\nelement vertex {points.count(chr(10))}\nproperty float x\nproperty float y\n"
-    head += f"property float z\n{extra}element face {faces.count(chr(10))}\nproperty list uchar int vertex_indices\n"
+    head = (
+        f"ply\nformat ascii 1.0\nelement vertex {points.count(chr(10))}\nproperty float x\nproperty float y\n"
+    )
+    head += (
+        f"property float z\n{extra}element face {faces.count(chr(10))}\nproperty list uchar int "
+        "vertex_indices\n"
+    )
     return (head + "end_header\n" + points + faces).encode()
 
 
@@ -43,7 +50,9 @@ def written(folder: Path, data: bytes, name: str = "m.ply") -> Path:
 def test_a_triangle_mesh_is_read_to_the_bit(tmp_path: Path, encoding: str) -> None:
     ball = trimesh.creation.icosphere(2)
     points = ball.vertices.astype(np.float32)
-    data = export_ply(trimesh.Trimesh(points, ball.faces, process=False), encoding=encoding, vertex_normal=False)
+    data = export_ply(
+        trimesh.Trimesh(points, ball.faces, process=False), encoding=encoding, vertex_normal=False
+    )
     mesh = read_ply(written(tmp_path, data))
     np.testing.assert_array_equal(mesh.triangles, ball.faces)
     if encoding == "binary":
@@ -107,7 +116,9 @@ NORMALS = "property float nx\nproperty float ny\nproperty float nz\n"
         (binary_quads().replace(b"face 1", b"face 1000000000000"), "1000000000000 rows of 'face'"),
     ],
 )
-def test_damaged_or_unsupported_files_are_named_with_the_reason(tmp_path: Path, data: bytes, word: str) -> None:
+def test_damaged_or_unsupported_files_are_named_with_the_reason(
+    tmp_path: Path, data: bytes, word: str
+) -> None:
     path = written(tmp_path, data)
     with pytest.raises(PenumbraError, match=word) as caught:
         read_ply(path)
@@ -124,7 +135,11 @@ def with_normals(normals: str, faces: str = TRIANGLES) -> bytes:
     ("state", "normals", "reverse"),
     [
         ("", "0 0 1,0 0 1,0 0 1,0 0 1", False),
-        ("", "0 0 -2,0 0 -1,0 0 -1,0 0 -1", True),  # in pbrt the given normals decide, whatever the order of corners
+        (
+            "",
+            "0 0 -2,0 0 -1,0 0 -1,0 0 -1",
+            True,
+        ),  # in pbrt the given normals decide, whatever the order of corners
         ("ReverseOrientation ", "0 0 1,0 0 1,0 0 1,0 0 1", True),
         ("ReverseOrientation ", "0 0 -1,0 0 -1,0 0 -1,0 0 -1", False),
         (
@@ -157,13 +172,18 @@ def test_normals_that_would_shade_smoothly_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("names", ["u v", "s t", "texture_u texture_v", "texture_s texture_t"])
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])
-def test_texture_coordinates_are_read_under_each_of_their_names(tmp_path: Path, names: str, encoding: str) -> None:
+def test_texture_coordinates_are_read_under_each_of_their_names(
+    tmp_path: Path, names: str, encoding: str
+) -> None:
     first, second = names.split()
     properties = f"property float {first}\nproperty float {second}\n"
     if encoding == "ascii":
         data = ascii_ply("3 0 1 2\n", "0 0 0 0 0\n1 0 0 .5 0\n0 1 0 0 .25\n", properties)
     else:
-        head = f"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{properties}"
+        head = (
+            "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float "
+            f"y\nproperty float z\n{properties}"
+        )
         head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
         rows = np.array([[0, 0, 0, 0, 0], [1, 0, 0, 0.5, 0], [0, 1, 0, 0, 0.25]], dtype="<f4")
         data = head.encode() + rows.tobytes() + b"\x03" + np.arange(3, dtype="<i4").tobytes()

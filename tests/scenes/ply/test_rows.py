@@ -1,4 +1,6 @@
-"""What a PLY file may look like: each encoding, type and order of its parts gives the rows that were written."""
+"""What a PLY file may look like: each encoding, type and order of its parts gives the rows that were
+written.
+"""
 
 from __future__ import annotations
 
@@ -29,14 +31,22 @@ def check(mesh: MeshFile, points: Table = POINTS, faces: list[tuple[int, ...]] =
 @pytest.mark.parametrize("compressed", [False, True])
 def test_files_that_mix_triangles_and_quadrilaterals(tmp_path: Path, encoding: str, compressed: bool) -> None:
     data = ply_bytes(encoding, POINTS, ("face", [CORNERS], [(face,) for face in MIXED]))
-    check(read_ply(written(tmp_path, gzip.compress(data) if compressed else data, "m.ply" + ".gz" * compressed)))
+    check(
+        read_ply(written(tmp_path, gzip.compress(data) if compressed else data, "m.ply" + ".gz" * compressed))
+    )
 
 
 @pytest.mark.parametrize("encoding", FORMATS)
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_line_ends_comments_and_both_names_of_the_corners(tmp_path: Path, encoding: str, newline: str) -> None:
+def test_line_ends_comments_and_both_names_of_the_corners(
+    tmp_path: Path, encoding: str, newline: str
+) -> None:
     notes = ["comment end_header of another", "obj_info caf\u00e9 7", "comment", "comment property what x"]
-    points = ("vertex", POINTS[1], [(10, 13, 32), *POINTS[2][1:]])  # 10, 13: what a line end looks like in binary
+    points = (
+        "vertex",
+        POINTS[1],
+        [(10, 13, 32), *POINTS[2][1:]],
+    )  # 10, 13: what a line end looks like in binary
     data = ply_bytes(
         encoding,
         points,
@@ -49,7 +59,11 @@ def test_line_ends_comments_and_both_names_of_the_corners(tmp_path: Path, encodi
 
 @pytest.mark.parametrize("encoding", FORMATS)
 def test_further_properties_and_elements_are_stepped_over(tmp_path: Path, encoding: str) -> None:
-    strips = ("tristrips", ["list int int vertex_indices", "uchar flag"], [((1, 2, 3, -1), 9), ((), 8), ((4,), 7)])
+    strips = (
+        "tristrips",
+        ["list int int vertex_indices", "uchar flag"],
+        [((1, 2, 3, -1), 9), ((), 8), ((4,), 7)],
+    )
     camera = ("camera", ["float view_px", "double scale"], [(0.5, 1e300)])
     empty: Table = ("edge", ["int vertex1"], [])
     vertices = (
@@ -63,7 +77,11 @@ def test_further_properties_and_elements_are_stepped_over(tmp_path: Path, encodi
         [(500, face, i, (0.5,) * (2 * len(face) * (i % 2)), 0.125) for i, face in enumerate(MIXED)],
     )
     check(
-        read_ply(written(tmp_path, ply_bytes(encoding, strips, camera, vertices, empty, faces, ("last", *strips[1:]))))
+        read_ply(
+            written(
+                tmp_path, ply_bytes(encoding, strips, camera, vertices, empty, faces, ("last", *strips[1:]))
+            )
+        )
     )
     first = written(tmp_path, ply_bytes(encoding, faces, strips, vertices))  # faces before the vertices
     check(read_ply(first))
@@ -72,7 +90,13 @@ def test_further_properties_and_elements_are_stepped_over(tmp_path: Path, encodi
 @pytest.mark.parametrize("encoding", FORMATS)
 @pytest.mark.parametrize("type_", CODES)
 def test_every_type_by_both_its_names(tmp_path: Path, encoding: str, type_: str) -> None:
-    limits = {"b": (-128, 127), "B": (0, 255), "h": (-32768, 32767), "H": (0, 65535), "i": (-(2**31), 2**31 - 1)}
+    limits = {
+        "b": (-128, 127),
+        "B": (0, 255),
+        "h": (-32768, 32767),
+        "H": (0, 65535),
+        "i": (-(2**31), 2**31 - 1),
+    }
     low, high = {**limits, "I": (0, 2**32 - 1), "f": (-1.5, 2.0**100), "d": (-0.1, 1e300)}[CODES[type_]]
     points: Table = ("vertex", [f"{type_} {name}" for name in "xyz"], [(low, high, 1), (2, 3, 4), (5, 6, 7)])
     whole = CODES[type_] not in "fd"
@@ -89,7 +113,13 @@ def test_text_is_rounded_to_the_declared_type_and_may_be_broken_anywhere(tmp_pat
     assert not np.signbit(mesh.vertices[1, 1])
 
 
-@settings(max_examples=40, deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(
+    max_examples=40,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 @given(
     st.lists(st.tuples(st.sampled_from([3, 4]), st.integers(1, 400)), min_size=1, max_size=6),
     st.sampled_from(sorted(FORMATS)),
@@ -97,7 +127,9 @@ def test_text_is_rounded_to_the_declared_type_and_may_be_broken_anywhere(tmp_pat
 def test_runs_of_any_length(
     tmp_path_factory: pytest.TempPathFactory, runs: list[tuple[int, int]], encoding: str
 ) -> None:
-    """Up to 2,400 faces: runs shorter and longer than what is compared at once, so that an end off by one shows."""
+    """Up to 2,400 faces: runs shorter and longer than what is compared at once, so that an end off by one
+    shows.
+    """
     sizes = [size for size, count in runs for _ in range(count)]
     faces = [tuple((7 * i + k) % 5 for k in range(size)) for i, size in enumerate(sizes)]
     data = ply_bytes(

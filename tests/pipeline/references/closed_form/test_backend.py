@@ -1,4 +1,6 @@
-"""Closed-form images: against pbrt's and Mitsuba's, against brute force inside single pixels, and what is refused."""
+"""Closed-form images: against pbrt's and Mitsuba's, against brute force inside single pixels, and what is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +18,14 @@ from pipeline.references.closed_form.image import PixelImage, closed_form_image,
 from pipeline.references.closed_form.scene import analyse
 from pipeline.references.protocol import BACKENDS, ReferenceImage, ReferenceRequest
 from pipeline.statistics.welch import Moments, compare_images
-from scenes.description import (
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from scenes.description.shapes import (
     Array,
     BilinearMesh,
-    Diffuse,
     Disk,
     Emission,
-    Film,
     Geometry,
-    PerspectiveCamera,
-    SceneDescription,
     ShapeDescription,
     Sphere,
     TriangleMesh,
@@ -111,7 +111,8 @@ def _film_line(scene: SceneDescription, a: Array, b: Array, x: Array) -> Array:
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6])
 def test_pixel_at_the_contact(gap: float) -> None:
-    """The pixel that the foot of the light crosses, integrated down its columns with panels graded towards the line of contact.
+    """The pixel that the foot of the light crosses, integrated down its columns with panels graded towards
+    the line of contact.
 
     Nothing of the adaptive quadrature, its measure or its cuts is in it; both are good to 1e-8.
     """
@@ -130,7 +131,12 @@ def test_pixel_at_the_contact(gap: float) -> None:
         depth = lo + (hi - lo) * (nodes + 1) / 2
         y = foot[:, None] + (row + 1 - foot[:, None]) * depth
         points = np.stack(
-            (film.x[0] + pixel * np.broadcast_to(x[:, None], y.shape), film.y[0] - pixel * y, np.ones_like(y)), -1
+            (
+                film.x[0] + pixel * np.broadcast_to(x[:, None], y.shape),
+                film.y[0] - pixel * y,
+                np.ones_like(y),
+            ),
+            -1,
         )
         seen = radiance_at(parts, film, points.reshape(-1, 3)).reshape(*y.shape, 3)
         w = np.outer(weights / 2 * (row + 1 - foot), weights / 2 * (hi - lo))
@@ -148,24 +154,32 @@ def _grid(scene: SceneDescription, pixel: int, x: Array, y: Array) -> Array:
 
 @pytest.mark.parametrize("light", LIGHTS)
 def test_pixels_by_brute_force(light: str) -> None:
-    """Cut pixels against 200 x 200 points, smooth ones against Gauss; the whole image within its bound of a tighter one."""
+    """Cut pixels against 200 x 200 points, smooth ones against Gauss; the whole image within its bound of a
+    tighter one.
+    """
     scene = lit_by(LIGHTS[light])
     image, tight = at_tolerance(scene, 1e-6), at_tolerance(scene, 1e-9)
     assert np.all(np.abs(image.mean - tight.mean) <= image.bound + 1e-14)
     cut = silhouette(analyse(scene), film_plane(scene.camera, scene.film)).mixed
     share = (np.arange(200) + 0.5) / 200
     for pixel in cut[:: max(1, cut.size // 4)]:
-        # A straight or slowly curving outline: of its up to 400 cells of 1/200^2 each, half a cell is the most to be off by.
+        # A straight or slowly curving outline: of its up to 400 cells of 1/200^2 each, half a cell is the
+        # most to be off by.
         grid = _grid(scene, int(pixel), share, share).mean(axis=(0, 1))
         np.testing.assert_allclose(image.mean[pixel], grid, atol=3 / 200, rtol=0)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     for pixel in (scene.film.width * row + column for row, column in ((34, 4), (34, 24), (30, 40))):
-        grid = np.einsum("i,j,ijc->c", weights, weights, _grid(scene, pixel, (nodes + 1) / 2, (nodes + 1) / 2)) / 4
+        grid = (
+            np.einsum("i,j,ijc->c", weights, weights, _grid(scene, pixel, (nodes + 1) / 2, (nodes + 1) / 2))
+            / 4
+        )
         np.testing.assert_allclose(tight.mean[pixel], grid, rtol=1e-9, atol=1e-15)
 
 
 def test_light_coverage_is_exact() -> None:
-    """Area of a disk and a sphere on the film, seen along the axis: the ellipse is a circle and its area is known."""
+    """Area of a disk and a sphere on the film, seen along the axis: the ellipse is a circle and its area is
+    known.
+    """
     camera = PerspectiveCamera(np.eye(4), 40.0)
     scale = 30 / 2 / np.tan(np.radians(20))
     sine = 0.6 / 3.0
@@ -193,7 +207,9 @@ def replace_reverse(light: Geometry) -> BilinearMesh:
 
 
 def test_centres_are_exact_radiance() -> None:
-    """Smooth pixels differ from their centre by curvature alone; the light is seen as it is, the background is black."""
+    """Smooth pixels differ from their centre by curvature alone; the light is seen as it is, the background
+    is black.
+    """
     scene = scenes.load("touching-light", {"gap": 0.1, "xresolution": 160, "yresolution": 120})
     centres, image = radiance_at_centers(scene), render(scene).mean
     assert centres.shape == image.shape
@@ -208,7 +224,9 @@ def test_tiling_and_orientation_of_the_receivers_do_not_matter() -> None:
     want = render(scene).mean
     g = np.linspace(-2, 2, 3)
     p = np.array([(x, 0.0, z) for x in g for z in g])
-    quads = np.array([[3 * i + j, 3 * i + j + 3, 3 * i + j + 1, 3 * i + j + 4] for i in range(2) for j in range(2)])
+    quads = np.array(
+        [[3 * i + j, 3 * i + j + 3, 3 * i + j + 1, 3 * i + j + 4] for i in range(2) for j in range(2)]
+    )
     triangles = np.concatenate((quads[:, [0, 1, 3]], quads[:, [0, 2, 3]]))
     halves = [shape(rectangle(vector(x, 0, 0), vector(1, 0, 0), vector(0, 0, 2))) for x in (-1.0, 1.0)]
     for floors in ([shape(BilinearMesh(p, quads))], [shape(TriangleMesh(p, triangles))], halves):
@@ -220,7 +238,8 @@ def test_receivers_keep_their_own_albedo() -> None:
     scene = lit_by(LIGHTS["sphere"])
     want = render(scene).mean
     halves = [
-        shape(rectangle(vector(x, 0, 0), vector(1, 0, 0), vector(0, 0, 2)), a) for x, a in ((-1.0, 0.0), (1.0, 1.0))
+        shape(rectangle(vector(x, 0, 0), vector(1, 0, 0), vector(0, 0, 2)), a)
+        for x, a in ((-1.0, 0.0), (1.0, 1.0))
     ]
     image = render(replace(scene, shapes=(*halves, scene.shapes[1]))).mean
     dark = image[30:, 0] + image[30:, -1]
@@ -255,4 +274,7 @@ def test_what_is_answered() -> None:
     assert (image.spp, image.batches, shares[-1]) == (0, 0, 1.0) and image.seconds > 0
     assert np.sqrt(image.variance.max()) == pytest.approx(float(image.provenance["largest_bound"]), rel=1e-2)
     assert 0 < np.sqrt(image.variance.max()) < 1e-7
-    assert image.provenance["version"] == ClosedFormBackend().version() and len(ClosedFormBackend().version()) == 16
+    assert (
+        image.provenance["version"] == ClosedFormBackend().version()
+        and len(ClosedFormBackend().version()) == 16
+    )

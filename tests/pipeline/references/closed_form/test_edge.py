@@ -1,4 +1,6 @@
-"""The closed form of a straight edge's penumbra, against integrals by a method of its own and against the renderer."""
+"""The closed form of a straight edge's penumbra, against integrals by a method of its own and against the
+renderer.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from pipeline.references.closed_form.film import film_plane
 from pipeline.references.protocol import BACKENDS, ReferenceRequest
 from pipeline.studies.penumbra_width import width_of
 from renderer import render
-from scenes.description import Diffuse, PixelFilter, SceneDescription
+from scenes.description.materials import Diffuse
+from scenes.description.scene import PixelFilter, SceneDescription
 from scenes.errors import PenumbraError, SceneError
 
 SIZE = {"xresolution": 24, "yresolution": 24}
@@ -32,9 +35,11 @@ def scene(name: str, parameters: dict[str, float]) -> SceneDescription:
 
 
 def by_hand(description: SceneDescription, points: np.ndarray) -> np.ndarray:
-    """Radiance (n, 3) at points of the floor y = 0 under a square light facing down: Gauss over the part of the light that the edge z = 0 leaves.
+    """Radiance (n, 3) at points of the floor y = 0 under a square light facing down: Gauss over the part of
+    the light that the edge z = 0 leaves.
 
-    A point (x, 0, z) sees the light's points with z' below the line through it and the edge; area form of the rendering equation.
+    A point (x, 0, z) sees the light's points with z' below the line through it and the edge; area form of the
+    rendering equation.
     """
     light = next(shape for shape in description.shapes if shape.emission)
     floor, sheet = description.shapes[:2]
@@ -51,8 +56,12 @@ def by_hand(description: SceneDescription, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("name", "parameters"), CASES)
-def test_the_floor_s_radiance_is_the_light_that_the_edge_leaves(name: str, parameters: dict[str, float]) -> None:
-    """At the pixels' middles, to 1e-9; catches an edge that hides the wrong side, and a light cut at the wrong place."""
+def test_the_floor_s_radiance_is_the_light_that_the_edge_leaves(
+    name: str, parameters: dict[str, float]
+) -> None:
+    """At the pixels' middles, to 1e-9; catches an edge that hides the wrong side, and a light cut at the
+    wrong place.
+    """
     description = scene(name, parameters)
     edge, film = analyse_edge(description), film_plane(description.camera, description.film)
     at = film.centers()
@@ -68,7 +77,9 @@ def test_the_floor_s_radiance_is_the_light_that_the_edge_leaves(name: str, param
 
 @pytest.mark.parametrize(("name", "parameters"), CASES)
 def test_a_pixel_is_the_mean_over_its_square(name: str, parameters: dict[str, float]) -> None:
-    """Against 24 x 24 midpoints in each pixel: up to half of 1/24 of a step where an edge cuts a pixel, in one row of 16; far less elsewhere."""
+    """Against 24 x 24 midpoints in each pixel: up to half of 1/24 of a step where an edge cuts a pixel, in
+    one row of 16; far less elsewhere.
+    """
     description = scenes.load(name, {"xresolution": 16, "yresolution": 16, **parameters})
     edge, film = analyse_edge(description), film_plane(description.camera, description.film)
     image = edge_image(edge, film)
@@ -119,7 +130,9 @@ def test_what_is_no_edge_is_refused_in_words() -> None:
     assert "one area light, one floor and one sheet" in told(floor, light)
     assert "one-sided light" in told(floor, sheet, replace(light, emission=replace(emission, two_sided=True)))
     narrow = replace(sheet.geometry, vertices=sheet.geometry.vertices * np.array([0.01, 1, 1]))
-    assert "one edge of the sheet before the light, and 3 may be" in told(floor, replace(sheet, geometry=narrow), light)
+    assert "one edge of the sheet before the light, and 3 may be" in told(
+        floor, replace(sheet, geometry=narrow), light
+    )
     wide = replace(
         sheet.geometry,
         vertices=sheet.geometry.vertices - np.array([0, 0, 20.0]) * (sheet.geometry.vertices[:, 2:] == 0),
@@ -128,7 +141,9 @@ def test_what_is_no_edge_is_refused_in_words() -> None:
     raised = replace(light.geometry, vertices=light.geometry.vertices - np.array([0, 2.99, 0]))
     assert "of its extent or more above the sheet" in told(floor, sheet, replace(light, geometry=raised))
     assert "parallel" in told(
-        floor, replace(sheet, geometry=replace(sheet.geometry, vertices=sheet.geometry.vertices @ TILT)), light
+        floor,
+        replace(sheet, geometry=replace(sheet.geometry, vertices=sheet.geometry.vertices @ TILT)),
+        light,
     )
     assert "box filter" in told(film=replace(good.film, pixel_filter=PixelFilter("gaussian", 1.5, 1.5)))
     textured = scenes.load("furnace").shapes[0].material
@@ -144,7 +159,9 @@ TILT = np.array([[1.0, 0, 0], [0, 0.999, 0.0447], [0, -0.0447, 0.999]])
 
 @pytest.mark.parametrize(("size", "height"), [(0.5, 1.0), (1.0, 2.5), (2.0, 1.0), (4.0, 0.5)])
 def test_the_width_is_that_of_the_closed_form(size: float, height: float) -> None:
-    """In the exact image to 0.7 of a row, by which pixels blur it, or 1 %; exactly, 0.9 of that by similar triangles or less."""
+    """In the exact image to 0.7 of a row, by which pixels blur it, or 1 %; exactly, 0.9 of that by similar
+    triangles or less.
+    """
     description = scenes.load(
         "penumbra", {"xresolution": 96, "yresolution": 96, "light_size": size, "occluder_height": height}
     )

@@ -1,4 +1,6 @@
-"""Closed-form irradiance against 40 digits, against area integrals by cubature, and at the places where formulas break."""
+"""Closed-form irradiance against 40 digits, against area integrals by cubature, and at the places where
+formulas break.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])  # emits t
 DOWN, UP = np.array([0.0, 0, -1]), np.array([0.0, 0, 1])
 TILTED = unit([0.1, 0.3, -1])
 
-# Relative errors: what the docstring promises is a few roundings; 1e-13 is 500 of them and would have shown the
+# Relative errors: what the docstring promises is a few roundings; 1e-13 is 500 of them and would have shown
+# the
 # 1e-10 that a plain Lambert sum loses at a size of 1e-6.
 PROMISED = 1e-13
 # Absolute error where edge terms cancel: slivers, and lights seen edge-on by tilted receivers.
@@ -99,7 +102,9 @@ def test_disk(case: str) -> None:
 @pytest.mark.parametrize("case", SPHERES)
 def test_sphere(case: str) -> None:
     p, n, radius, relative = SPHERES[case]
-    _compare(sphere_irradiance([p], n, (0.0, 0, 0), radius)[0], exact.sphere(p, n, (0.0, 0, 0), radius), relative)
+    _compare(
+        sphere_irradiance([p], n, (0.0, 0, 0), radius)[0], exact.sphere(p, n, (0.0, 0, 0), radius), relative
+    )
 
 
 def _over_plane(p, n, x0, x1, y0, y1) -> float:
@@ -114,7 +119,9 @@ def _over_plane(p, n, x0, x1, y0, y1) -> float:
 
 @pytest.mark.parametrize("n", [TILTED, unit((1, 0.3, -0.1))], ids=["above the horizon", "across it"])
 def test_formulas_are_the_area_integral(n: np.ndarray) -> None:
-    """A wrong formula cannot pass, as the cubature shares nothing with it; 1e-6 is the cubature's own doubt at the kink."""
+    """A wrong formula cannot pass, as the cubature shares nothing with it; 1e-6 is the cubature's own doubt
+    at the kink.
+    """
     p = np.array([0.3, 0.2, 0.8])
     square = _over_plane(p, n, -1, 1, -1, 1)
     round_ = _over_plane(p, n, -1, 1, lambda x: -np.sqrt(1 - x * x), lambda x: np.sqrt(1 - x * x))
@@ -123,10 +130,14 @@ def test_formulas_are_the_area_integral(n: np.ndarray) -> None:
 
 
 def test_known_view_factors() -> None:
-    """A disk seen along its axis: pi R^2 / (R^2 + h^2) facing it; a sphere: pi R^2 / d^2; a half-space: pi."""
+    """A disk seen along its axis: pi R^2 / (R^2 + h^2) facing it; a sphere: pi R^2 / d^2; a half-space:
+    pi.
+    """
     p = np.array([[0.0, 0, 0.5], [0, 0, 2], [0, 0, 30]])
     r2, h2 = 1.7**2, p[:, 2] ** 2
-    np.testing.assert_allclose(disk_irradiance(p, DOWN, (0.0, 0, 0), UP, 1.7), np.pi * r2 / (r2 + h2), rtol=1e-15)
+    np.testing.assert_allclose(
+        disk_irradiance(p, DOWN, (0.0, 0, 0), UP, 1.7), np.pi * r2 / (r2 + h2), rtol=1e-15
+    )
     np.testing.assert_allclose(
         sphere_irradiance(p, DOWN, (0.0, 0, -3), 1.7), np.pi * r2 / (p[:, 2] + 3) ** 2, rtol=1e-15
     )
@@ -140,8 +151,16 @@ def test_lights_have_one_side() -> None:
     for f, light in ((polygon_irradiance, (SQUARE,)), (disk_irradiance, ((0.0, 0, 0), UP, 1.0))):
         one, both = f(p, n, *light), f(p, n, *light, two_sided=True)
         assert one[:4].tolist() == [0, 0, 0, 0] and one[4] > 1
-        assert both[0] == pytest.approx(one[4], rel=1e-15) and both[1:4].tolist() == [0, 0, 0] and both[4] == one[4]
-    assert sphere_irradiance([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]], UP, (0.0, 0, 0), 1.0).tolist() == [0, 0, 0]
+        assert (
+            both[0] == pytest.approx(one[4], rel=1e-15)
+            and both[1:4].tolist() == [0, 0, 0]
+            and both[4] == one[4]
+        )
+    assert sphere_irradiance([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]], UP, (0.0, 0, 0), 1.0).tolist() == [
+        0,
+        0,
+        0,
+    ]
 
 
 def test_lights_below_the_horizon_are_black() -> None:
@@ -184,7 +203,9 @@ _COORDINATE = st.floats(-3, 3, allow_nan=False, width=32)
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(*[st.tuples(_COORDINATE, _COORDINATE, _COORDINATE) for _ in range(3)], st.floats(-1.5, 1.5))
 def test_parts_add_up(p, n, m, offset) -> None:
-    """A square cut in two by any plane (but its own) shines as its halves together; the error is that of three Lambert sums."""
+    """A square cut in two by any plane (but its own) shines as its halves together; the error is that of
+    three Lambert sums.
+    """
     assume(np.linalg.norm(n) > 1e-3 and np.hypot(m[0], m[1]) > 1e-3 * max(1.0, abs(m[2])))
     # A point within rounding of the light's plane may fall on either side of it for each part.
     assume(abs(p[2]) > 1e-6)
@@ -213,7 +234,8 @@ def test_clipping() -> None:
     assert np.sum(np.cross(corner[0], edges)[:, 2]) / 2 == pytest.approx(4 - (2**0.5 - 1.2) ** 2, rel=1e-14)
 
 
-# A light 2 x 2 at height 2 facing down; the half-plane x < 0 at height 1 blocks. A receiver at (x, 0, 0) sees the
+# A light 2 x 2 at height 2 facing down; the half-plane x < 0 at height 1 blocks. A receiver at (x, 0, 0) sees
+# the
 # light up to the line through the edge: light points with x' > -x. Umbra at x <= -1, full light at x >= 1.
 CEILING = SQUARE[::-1] + np.array([0.0, 0, 2])
 EDGE = np.array([[0.0, -1, 1], [0, 1, 1]])
@@ -240,7 +262,9 @@ def test_knife_edge_agrees_with_shadow_rays() -> None:
     normals = np.array([UP, unit((1, 0, 0.2)), unit((-0.5, 0.2, 1))])
     g = (np.arange(k) + 0.5) / k * 2 - 1
     light = np.stack((*np.meshgrid(g, g), np.full((k, k), 2.0)), axis=-1).reshape(-1, 3)
-    for p, n, e in zip(points, normals, knife_edge_irradiance(points, normals, CEILING, edge, into), strict=True):
+    for p, n, e in zip(
+        points, normals, knife_edge_irradiance(points, normals, CEILING, edge, into), strict=True
+    ):
         d = light - p
         w = np.cross(edge[1] - edge[0], into)
         hit = p + d * ((w @ (edge[0] - p)) / (d @ w))[:, None]

@@ -11,19 +11,11 @@ from pipeline.references.backends.closed_form import ClosedFormBackend
 from pipeline.references.backends.mitsuba import MitsubaBackend
 from pipeline.references.protocol import Quantity, ReferenceRequest
 from pipeline.statistics.welch import Moments, compare_images
-from scenes.description import (
-    Array,
-    Checkerboard,
-    Diffuse,
-    DistantLight,
-    Environment,
-    Light,
-    PointLight,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-)
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Array, ShapeDescription, Sphere
+from scenes.description.textures import Checkerboard
 from tests.kit.closed_form_scenes import EYE, TARGET, unit
 from tests.kit.mitsuba_scenes import floor, look_at, rectangle, scene, shape, vector
 
@@ -72,7 +64,9 @@ def test_pixels_by_hand() -> None:
     """The middle of the floor, the open sky, and a bound that is far below both."""
     made = ClosedFormBackend().render(under(SUN, SKY), ReferenceRequest())
     cosine = 2 / np.sqrt(6)
-    np.testing.assert_allclose(made.mean[14, 16], 0.5 * (SUN.irradiance * cosine / np.pi + SKY.radiance), rtol=1e-12)
+    np.testing.assert_allclose(
+        made.mean[14, 16], 0.5 * (SUN.irradiance * cosine / np.pi + SKY.radiance), rtol=1e-12
+    )
     np.testing.assert_allclose(made.mean[0, 0], SKY.radiance, rtol=1e-12)
     assert 0 < made.variance.max() < 1e-22
     assert (made.spp, made.batches) == (0, 0)
@@ -82,7 +76,9 @@ def test_pixels_by_hand() -> None:
 def test_shares_of_pixels_add_up_to_the_area_in_view() -> None:
     """Ambient occlusion of open floors is their coverage; seen from straight above it is a ratio of areas."""
     camera = look_at(vector(0, 4, 0), vector(0, 0, 0), vector(0, 0, 1))
-    given = scene([shape(rectangle(vector(0.013, 0, 0), vector(0, 0, 0.7), vector(0.4, 0, 0)))], camera, 40.0, 16, 12)
+    given = scene(
+        [shape(rectangle(vector(0.013, 0, 0), vector(0, 0, 0.7), vector(0.4, 0, 0)))], camera, 40.0, 16, 12
+    )
     seen = image(given, "ambient-occlusion")
     pixel = 2 * 4 * np.tan(np.radians(20)) / 12
     assert seen.sum() / 3 * pixel**2 == pytest.approx(0.8 * 1.4, rel=1e-12)
@@ -91,13 +87,17 @@ def test_shares_of_pixels_add_up_to_the_area_in_view() -> None:
 
 @pytest.mark.parametrize("height", [1.0, 1e-2, 1e-4])
 def test_a_pixel_under_a_point_light_by_brute_force(height: float) -> None:
-    """The pixel with the light's foot, seen from straight above: polar integrals of I h / d^3 over a square, 256 nodes a side."""
+    """The pixel with the light's foot, seen from straight above: polar integrals of I h / d^3 over a square,
+    256 nodes a side.
+    """
     camera = look_at(vector(0, 2, 0), vector(0, 0, 0), vector(0, 0, 1))
     lamp = PointLight(vector(0, height, 0), vector(3.0, 3.0, 3.0))
     given = replace(scene([floor(4.0)], camera, 40.0, 9, 9), lights=(lamp,))
     half = 2 * np.tan(np.radians(20)) / 9
     nodes, weights = np.polynomial.legendre.leggauss(256)
-    edge = half / np.cos(np.pi / 4 * nodes)  # the square's rim, by angle; the radial integral is in closed form
+    edge = half / np.cos(
+        np.pi / 4 * nodes
+    )  # the square's rim, by angle; the radial integral is in closed form
     radial = 1 - height / np.hypot(height, edge)
     wanted = 0.5 / np.pi * 3 * np.sum(weights * radial) * np.pi / 4 * 4 / (2 * half) ** 2
     made = ClosedFormBackend().render(given, ReferenceRequest())

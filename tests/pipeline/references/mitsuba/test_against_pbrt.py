@@ -1,4 +1,6 @@
-"""Mitsuba through our conversion against pbrt-v4's own images: orientation, field of view, sidedness, radiometry."""
+"""Mitsuba through our conversion against pbrt-v4's own images: orientation, field of view, sidedness,
+radiometry.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ def against_pbrt(name: str, colour: float, spp: int = 1024) -> Pair:
     return pair_with(name, image.mean, image.variance, colour)
 
 
-# Lights at infinity, beside the four scenes with area lights. pbrt reads this sky itself, looked at with nothing in between,
+# Lights at infinity, beside the four scenes with area lights. pbrt reads this sky itself, looked at with
+# nothing in between,
 # as 0.24956 in blue where its file says 0.25: 0.175 % that are no noise (0.012 %), and no error of ours.
 AT_INFINITY = {"sky-and-sun": 2e-3, "asymmetric": 0.0}
 

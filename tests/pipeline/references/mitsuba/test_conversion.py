@@ -1,4 +1,6 @@
-"""Does what reaches Mitsuba mean what the description says: place, side, size, scale, radiance, and what is refused."""
+"""Does what reaches Mitsuba mean what the description says: place, side, size, scale, radiance, and what is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from pipeline.references.backends.mitsuba import MitsubaBackend
 from pipeline.references.mitsuba.limits import reason
 from pipeline.references.mitsuba.scene import convert, normalising_frame
 from pipeline.references.protocol import BACKENDS, ReferenceRequest, refusal
-from scenes.description import Array, BilinearMesh, Disk, Emission, SceneDescription, Sphere, TriangleMesh
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Array, BilinearMesh, Disk, Emission, Sphere, TriangleMesh
 from scenes.errors import PenumbraError, SceneError
 from tests.kit.mitsuba_scenes import above, floor, look_at, moved, project, rectangle, scene, shape, vector
 
@@ -28,9 +31,11 @@ def render(given: SceneDescription, spp: int, batches: int = 64) -> tuple[Array,
 
 @pytest.mark.parametrize("size", [(90, 64), (64, 90)])
 def test_points_appear_where_pbrts_camera_sees_them(size: tuple[int, int]):
-    """Four glowing balls of one colour each: the centroids of their images against the projection of their centres.
+    """Four glowing balls of one colour each: the centroids of their images against the projection of their
+    centres.
 
-    0.1 pixel would catch a mirrored or turned image (tens of pixels), fov on the other side (10), half a pixel's shift.
+    0.1 pixel would catch a mirrored or turned image (tens of pixels), fov on the other side (10), half a
+    pixel's shift.
     """
     camera = look_at(vector(3, 4, -6), vector(0.2, 0.5, 0.1), vector(0.1, 1, 0))
     centers = [vector(-1.2, 1, 0.3), vector(0.8, 0.4, 0.9), vector(0.4, 1.9, -0.2)]
@@ -45,7 +50,9 @@ def test_points_appear_where_pbrts_camera_sees_them(size: tuple[int, int]):
 
 
 def lights(turned: bool) -> list[tuple[Array, TriangleMesh | BilinearMesh | Sphere | Disk]]:
-    """One light of every kind over a place of its own, facing the floor, or turned away from it by the description's own means."""
+    """One light of every kind over a place of its own, facing the floor, or turned away from it by the
+    description's own means.
+    """
     places = [vector(-6, 0, -6), vector(6, 0, -6), vector(-6, 0, 6), vector(6, 0, 6)]
     up = [place + 1.5 * Y for place in places]
     corners = up[2] + np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0, 0, 0.7]])
@@ -73,7 +80,9 @@ def test_a_light_shines_on_its_own_side_only(turned: bool):
     if turned:  # only their own backs, now fronts, are seen: nothing reaches the floor
         seen = mean.reshape(-1, 3)[mean.reshape(-1, 3).any(axis=1)]
         assert len(seen) < 60  # of 1024 pixels: three lights of about 1 m^2 in a view of 17 m x 17 m
-        np.testing.assert_allclose(seen / seen[:, :1], np.broadcast_to([1.0, 2.0, 3.0], seen.shape), rtol=1e-5)
+        np.testing.assert_allclose(
+            seen / seen[:, :1], np.broadcast_to([1.0, 2.0, 3.0], seen.shape), rtol=1e-5
+        )
         return
     for place, _ in placed:
         column, row = project(given, place + 1.5 * Z).astype(int)  # beside the light's image
@@ -85,7 +94,9 @@ def test_materials_are_two_sided():
     """A floor turned over by its corners' order: Mitsuba's plain diffuse is black from behind."""
     light = shape(rectangle(vector(0, 2, 0), X, Z), 0.0, (1, 1, 1))
     camera = look_at(vector(3, 4, -6), vector(0, 0, 0), Y)
-    (a, ea), (b, eb) = (render(scene([floor(reverse=r), light], camera, 40.0, 16, 16), 2**13) for r in (False, True))
+    (a, ea), (b, eb) = (
+        render(scene([floor(reverse=r), light], camera, 40.0, 16, 16), 2**13) for r in (False, True)
+    )
     assert np.all(ea < 2e-3 * a)
     assert np.all(np.abs(a - b) < 4 * np.hypot(ea, eb))
 
@@ -101,7 +112,9 @@ def irradiance_of_polygon(corners: Array, normal: Array) -> float:
 
 
 POINT = vector(0.7, 0, -0.4)
-TILTED = rectangle(POINT + vector(1.9, 1.6, 1.2), vector(0.5, 0.1, -0.3), vector(0.3, 0.1, 0.6), reverse=False)
+TILTED = rectangle(
+    POINT + vector(1.9, 1.6, 1.2), vector(0.5, 0.1, -0.3), vector(0.3, 0.1, 0.6), reverse=False
+)
 CLOSED_FORMS = {
     # On the axis of a disk: pi r^2 / (r^2 + h^2).
     "disk": (Disk(POINT + 1.5 * Y, -Y, 0.8), np.pi * 0.8**2 / (0.8**2 + 1.5**2)),
@@ -111,7 +124,9 @@ CLOSED_FORMS = {
     # Three sides of a square and more: not a rectangle, so a mesh to Mitsuba.
     "quadrilateral": (
         BilinearMesh(
-            POINT + np.array([[0, 1, 0], [0.8, 1, 0], [0, 1, 0.9], [1.3, 1, 1.1]]), np.array([[0, 2, 1, 3]]), True
+            POINT + np.array([[0, 1, 0], [0.8, 1, 0], [0, 1, 0.9], [1.3, 1, 1.1]]),
+            np.array([[0, 2, 1, 3]]),
+            True,
         ),
         irradiance_of_polygon(np.array([[0, 1, 0], [0.8, 1, 0], [1.3, 1, 1.1], [0, 1, 0.9]]), Y),
     ),
@@ -120,7 +135,10 @@ CLOSED_FORMS = {
 
 @pytest.mark.parametrize("names", [("disk", "sphere", "rectangle"), ("quadrilateral",)], ids="+".join)
 def test_a_floor_point_agrees_with_its_closed_form(names: tuple[str, ...]):
-    """A patch of side 0.01: irradiance differs from its middle's by less than (0.01 / 1)^2. At 4 standard errors 0.2 % are caught."""
+    """A patch of side 0.01: irradiance differs from its middle's by less than (0.01 / 1)^2.
+
+    At 4 standard errors 0.2 % are caught.
+    """
     shapes = [shape(CLOSED_FORMS[name][0], 0.0, (1, 2, 3)) for name in names]
     camera, fov = above(POINT, 0.01, distance=0.3)
     value, error = render(scene([floor(), *shapes], camera, fov), 2**18)
@@ -148,8 +166,13 @@ def image() -> Array:
 
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 1e5), (1e-6, 0.0), (1e6, -3e8)])
 def test_an_image_depends_on_neither_place_nor_scale(image: Array, scale: float, offset: float):
-    """Same seeds, so that only rounding differs. Untreated, Mitsuba reads 0.9 % low at 1e5 and nothing but black at 1e-6."""
-    there = BACKEND.render(moved(everything(), scale, offset * vector(1, 2, -1)), ReferenceRequest(256, 2)).mean
+    """Same seeds, so that only rounding differs.
+
+    Untreated, Mitsuba reads 0.9 % low at 1e5 and nothing but black at 1e-6.
+    """
+    there = BACKEND.render(
+        moved(everything(), scale, offset * vector(1, 2, -1)), ReferenceRequest(256, 2)
+    ).mean
     assert there.mean() == pytest.approx(image.mean(), rel=1e-4)
     assert np.quantile(np.abs(there - image), 0.99) < 1e-4 * image.mean()
 
@@ -179,13 +202,19 @@ def test_what_is_refused():
     thick = Disk(1e-4 * Y, Y, 1.0)  # far enough off the floor for a light of one side, and not for one of two
     for both, refused in ((False, False), (True, True)):
         lamp = dataclasses.replace(shape(thick), emission=Emission(np.ones(3), two_sided=both))
-        assert ("from other geometry" in str(BACKEND.refuses(scene([floor(), lamp], np.eye(4), 40.0)))) == refused
+        assert (
+            "from other geometry" in str(BACKEND.refuses(scene([floor(), lamp], np.eye(4), 40.0)))
+        ) == refused
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-3, 1.2e-4, 8e-5, 1e-6, 0.0])
 def test_gaps_below_mitsubas_reach_are_refused(gap: float):
     """Measured, a 2x2 light reads 0 where the truth is 0.5 below a gap of about 9e-5."""
-    for light in (rectangle(vector(0, gap, 0), X, Z), Disk(gap * Y, -Y, 1.0), Sphere(vector(0, 1 + gap, 0), 1.0)):
+    for light in (
+        rectangle(vector(0, gap, 0), X, Z),
+        Disk(gap * Y, -Y, 1.0),
+        Sphere(vector(0, 1 + gap, 0), 1.0),
+    ):
         said = reason(scene([floor(), shape(light, 0.0, (1, 1, 1))], np.eye(4), 40.0))
         # A sphere reaches two radii up, and the rule takes the farthest point of a light: 1.8e-4 for it.
         assert (said is None) == (gap >= (1.8e-4 if isinstance(light, Sphere) else 9.2e-5))

@@ -1,4 +1,6 @@
-"""Images on lights, and textures that are scaled and inverted, through Mitsuba against what pbrt's formulas say."""
+"""Images on lights, and textures that are scaled and inverted, through Mitsuba against what pbrt's formulas
+say.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,21 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scenes.description import Diffuse, Emission, ImageTexture, ShapeDescription
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import Emission, ShapeDescription
+from scenes.description.textures import ImageTexture
 from tests.kit.mitsuba_checks import BACKEND, lit, picture
 from tests.kit.mitsuba_scenes import scene
-from tests.pipeline.references.mitsuba.test_surfaces import BITS, SIZE, SQUARE, SUN, VIEW, image_at, shrunk, square_uv
+from tests.pipeline.references.mitsuba.test_surfaces import (
+    BITS,
+    SIZE,
+    SQUARE,
+    SUN,
+    VIEW,
+    image_at,
+    shrunk,
+    square_uv,
+)
 
 
 def test_an_image_on_a_light_is_looked_up_as_pbrt_does() -> None:

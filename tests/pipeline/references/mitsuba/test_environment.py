@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.references.mitsuba.environment import equal_area_square, interpolated, resampled
-from scenes.description import Array, Environment
+from scenes.description.lights import Environment
+from scenes.description.shapes import Array
 from tests.kit.mitsuba_checks import solid_angles, towards
 
 RNG = np.random.default_rng(7)
@@ -17,10 +18,15 @@ FRAME = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
 
 
 def test_the_map_is_pbrts():
-    """Against pbrt's map the other way, at random points and at those where its formula changes: 1e-12 of the square."""
-    square = np.concatenate([RNG.random((4000, 2)), np.array([[0.5, 0.5], [0.5, 1e-9], [1 - 1e-9, 0.3], [0.25, 0.75]])])
+    """Against pbrt's map the other way, at random points and at those where its formula changes: 1e-12 of the
+    square.
+    """
+    square = np.concatenate(
+        [RNG.random((4000, 2)), np.array([[0.5, 0.5], [0.5, 1e-9], [1 - 1e-9, 0.3], [0.25, 0.75]])]
+    )
     np.testing.assert_allclose(equal_area_square(towards(square)), square, atol=1e-12)
-    # On the diagonals and edges, where several points of the square are one direction: directions, not points.
+    # On the diagonals and edges, where several points of the square are one direction: directions, not
+    # points.
     folds = np.stack([np.linspace(0, 1, 101), 1 - np.linspace(0, 1, 101)], -1)
     np.testing.assert_allclose(towards(equal_area_square(towards(folds))), towards(folds), atol=1e-7)
 
@@ -31,7 +37,8 @@ def test_the_map_is_pbrts():
     ("image", "mapping"), [(NOISE, "equal-area"), (SUN, "equal-area"), (NOISE[:5], "latitude-longitude")]
 )
 def test_irradiance_survives_resampling(image: Array, mapping: str, hemisphere: bool):
-    """Measured here, and by other directions than the code's own: at most 5e-5 of the largest, and at most three times what is claimed.
+    """Measured here, and by other directions than the code's own: at most 5e-5 of the largest, and at most
+    three times what is claimed.
 
     A map that is off by half a texel is 1e-3; a sun whose one texel is lost or doubled, 1.
     """
@@ -46,7 +53,9 @@ def test_irradiance_survives_resampling(image: Array, mapping: str, hemisphere: 
     error, largest = 0.0, 0.0
     ours = np.zeros((len(normals), 3))
     for polar in theta:  # a row at a time: the whole is gigabytes
-        own = np.stack([np.sin(polar) * np.cos(phi), np.sin(polar) * np.sin(phi), np.full_like(phi, np.cos(polar))], -1)
+        own = np.stack(
+            [np.sin(polar) * np.cos(phi), np.sin(polar) * np.sin(phi), np.full_like(phi, np.cos(polar))], -1
+        )
         value = interpolated(made.image, own) * (np.sin(polar) * (np.pi / (2 * rows)) * (np.pi / columns))
         ours += np.maximum(normals @ (own @ made.frame.T).T, 0) @ value
     for normal, got in zip(normals, ours, strict=True):
@@ -61,7 +70,9 @@ def test_a_half_of_constant_light_is_a_narrow_image():
     made = resampled((Environment(np.array([1.0, 2.0, 3.0]), frame=FRAME, hemisphere=True),))
     assert made.irradiance_error < 1e-5 and made.image.shape[1] == 256
     middle = len(made.image) // 2
-    np.testing.assert_allclose(made.image[:middle], np.broadcast_to([1.0, 2.0, 3.0], (middle, 256, 3)), rtol=1e-12)
+    np.testing.assert_allclose(
+        made.image[:middle], np.broadcast_to([1.0, 2.0, 3.0], (middle, 256, 3)), rtol=1e-12
+    )
     assert not made.image[middle + 1 :].any()
     np.testing.assert_allclose(made.image[middle], np.broadcast_to([0.5, 1.0, 1.5], (256, 3)), rtol=1e-12)
 

@@ -1,7 +1,7 @@
 """Every estimator on the scenes of the demo against Mitsuba: the image mean, regions, and each pixel.
 
-Every comparison prints the smallest bias that it would have caught; on the image mean that must be below 0.5 %.
-A comparison that fails leaves both images and its p-values behind, in the folder that it names.
+Every comparison prints the smallest bias that it would have caught; on the image mean that must be below 0.5
+%. A comparison that fails leaves both images and its p-values behind, in the folder that it names.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pipeline.references.protocol import ReferenceImage, ReferenceRequest
 from pipeline.statistics.welch import Moments, TestResult, batch_moments, compare_images, welch
 from renderer import build, render
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
-from scenes.description import SceneDescription
+from scenes.description.scene import SceneDescription
 from scenes.images.exr import write_exr
 
 SIZE = {"xresolution": 80.0, "yresolution": 60.0}
@@ -27,13 +27,19 @@ GAP = {("touching-light", "area"): {"gap": 0.4}}
 REQUEST = ReferenceRequest(spp=64 * 200, batches=64)
 SPP = {"sphere-light": 1000}  # half of what `area` draws there lies on the far side
 REPLICATES = 32
-LIMIT = (0.005, 0.02)  # the smallest bias of the image mean to be caught; the second for what meets lights by chance
+LIMIT = (
+    0.005,
+    0.02,
+)  # the smallest bias of the image mean to be caught; the second for what meets lights by chance
 ALPHA = 1e-3  # a family; 2 samplers x 9 cases x 3 families: 5 % for all of them together
 
-# What meets a light by chance is noisier: more samples, a weaker claim, and no test of single pixels, whose means are not
-# normal where one sample in a thousand finds light. These are left to `make test-all`; the contact ladder holds them too.
+# What meets a light by chance is noisier: more samples, a weaker claim, and no test of single pixels, whose
+# means are not
+# normal where one sample in a thousand finds light. These are left to `make test-all`; the contact ladder
+# holds them too.
 CHANCE = {"hemisphere", "cosine", "bsdf"}
-# The scenes of the demo by every estimator; what the others show is in the agreement matrix, with this test's references.
+# The scenes of the demo by every estimator; what the others show is in the agreement matrix, with this test's
+# references.
 SCENES = ("soft-shadow", "disk-light", "sphere-light", "touching-light", "knife-edge")
 QUICK = {
     "independent": ("area", "solid-angle", "mis"),
@@ -42,7 +48,9 @@ QUICK = {
 
 
 def cases(sampler: str) -> list[Any]:
-    """Every scene and every unbiased estimator that applies; those that are not quick are left to the slow tier."""
+    """Every scene and every unbiased estimator that applies; those that are not quick are left to the slow
+    tier.
+    """
     return [
         pytest.param(name, estimator, marks=[] if estimator in QUICK[sampler] else [pytest.mark.slow])
         for name in SCENES
@@ -86,7 +94,9 @@ def test_independent_samples_agree_with_mitsuba(name, estimator, references, tmp
     spp = (5000 if estimator == "hemisphere" else 3000) if estimator in CHANCE else SPP.get(name, 500)
     ours = render(scene, estimator=estimator, spp=spp, seed=11, threads=2)
     samples = None if estimator in CHANCE else spp
-    results = against(references(scene), Moments(ours.image, ours.variance, spp - 1, samples=samples), tmp_path)
+    results = against(
+        references(scene), Moments(ours.image, ours.variance, spp - 1, samples=samples), tmp_path
+    )
     assert results[0].name == "image" and results[0].smallest_detectable < LIMIT[estimator in CHANCE]
 
 
@@ -104,7 +114,9 @@ def test_sobol_samples_agree_with_mitsuba(name, estimator, references, tmp_path)
 
 
 def test_a_bias_of_half_a_percent_would_have_been_caught(references):
-    """The same comparison must fail for an image that is 0.5 % too bright, and for one that is half a pixel off."""
+    """The same comparison must fail for an image that is 0.5 % too bright, and for one that is half a pixel
+    off.
+    """
     scene = load("soft-shadow", "solid-angle")
     reference = references(scene)
     truth = Moments(reference.mean, reference.variance, reference.batches - 1, samples=reference.spp)
@@ -116,7 +128,10 @@ def test_a_bias_of_half_a_percent_would_have_been_caught(references):
 
 
 def test_mitsuba_against_itself_raises_false_alarms_at_the_nominal_rate(tmp_path):
-    """The null test: two references that differ by their seeds alone. Per pixel, 5 % of p-values lie below 5 %."""
+    """The null test: two references that differ by their seeds alone.
+
+    Per pixel, 5 % of p-values lie below 5 %.
+    """
     scene = scenes.load("soft-shadow", {"xresolution": 80.0, "yresolution": 60.0})
     sides = [
         reference_for(scene, "mitsuba", ReferenceRequest(spp=64 * 32, batches=64, seed=seed), tmp_path).image

@@ -10,16 +10,10 @@ from scipy.special import erf  # pyright: ignore[reportMissingTypeStubs]
 
 from pipeline.references.mitsuba.film import density, offsets
 from pipeline.references.protocol import ReferenceRequest
-from scenes.description import (
-    Array,
-    Diffuse,
-    Emission,
-    Film,
-    ImageTexture,
-    PixelFilter,
-    SceneDescription,
-    ShapeDescription,
-)
+from scenes.description.materials import Diffuse
+from scenes.description.scene import Film, PixelFilter, SceneDescription
+from scenes.description.shapes import Array, Emission, ShapeDescription
+from scenes.description.textures import ImageTexture
 from tests.kit.mitsuba_checks import BACKEND, picture, render
 from tests.kit.mitsuba_scenes import above, floor, look_at, rectangle, scene, shape, vector
 from tests.pipeline.references.mitsuba.test_surfaces import image_at
@@ -32,9 +26,11 @@ BLACK = Diffuse(np.zeros(3))
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_an_image_on_a_light_lies_as_pbrt_lays_it(reverse: bool):
-    """Its first row at v = 1, u to the right and v up here, interpolated between the texels' centres and clamped beyond them.
+    """Its first row at v = 1, u to the right and v up here, interpolated between the texels' centres and
+    clamped beyond them.
 
-    The mean error of a pixel is that of 4,096 samples; an image that is mirrored, or of nearest texels, is off by 0.1 and more on average.
+    The mean error of a pixel is that of 4,096 samples; an image that is mirrored, or of nearest texels, is
+    off by 0.1 and more on average.
     """
     light = rectangle(O, 0.9 * X, 0.9 * Y, not reverse)
     if reverse:  # seen from behind, where u runs to the left
@@ -49,7 +45,9 @@ def test_an_image_on_a_light_lies_as_pbrt_lays_it(reverse: bool):
 
 
 def interpolated(size: int) -> Array:
-    """IMAGE times the light's radiance at the middles of size x size parts of it, the first row at the top: (size, size, 3)."""
+    """IMAGE times the light's radiance at the middles of size x size parts of it, the first row at the top:
+    (size, size, 3).
+    """
     v, u = (np.mgrid[:size, :size] + 0.5) / size
     texture = ImageTexture(IMAGE, wrap="clamp")
     return image_at(texture, np.stack([u, 1 - v], axis=-1)) * (1, 2, 3)
@@ -65,7 +63,9 @@ def irradiance_of_polygon(corners: Array) -> float:
 
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_an_image_on_a_light_shines_as_it_looks(two_sided: bool):
-    """Each of 30 x 30 parts a polygon of its own, by Lambert's formula; at 4 standard errors 0.4 % is caught, one texel amiss is 5 %."""
+    """Each of 30 x 30 parts a polygon of its own, by Lambert's formula; at 4 standard errors 0.4 % is caught,
+    one texel amiss is 5 %.
+    """
     corner, u, v = vector(-0.9, 1, -0.8), vector(1.5, 0.2, 0), vector(0, 0, 1.4)
     light = rectangle(corner + (u + v) / 2, u / 2, v / 2, reverse=True)
     light = dataclasses.replace(light, reverse=float(np.cross(u, v)[1]) > 0)
@@ -106,7 +106,9 @@ def cumulative(chosen: PixelFilter, radius: float, x: Array) -> Array:
 
 
 def edge(chosen: PixelFilter, along: int) -> SceneDescription:
-    """A light that fills the view up to a straight edge a third of a pixel past the middle of a pixel of the middle column (or row)."""
+    """A light that fills the view up to a straight edge a third of a pixel past the middle of a pixel of the
+    middle column (or row).
+    """
     reach, place = 50.0, (5 + 0.5 + 1 / 3 - 8) / 8  # of the half film, to the left or up
     axis, other = (X, Y) if along == 0 else (-Y, X)
     light = rectangle((place - reach) * axis, reach * axis, reach * other)
@@ -118,9 +120,11 @@ def edge(chosen: PixelFilter, along: int) -> SceneDescription:
 @pytest.mark.parametrize("along", [0, 1])
 @pytest.mark.parametrize("name", FILTERS)
 def test_an_edge_is_blurred_by_the_filter(name: str, along: int):
-    """Pixel by pixel against the filter's integral: at 5 standard errors of 16 x 65,536 samples 0.3 % is caught.
+    """Pixel by pixel against the filter's integral: at 5 standard errors of 16 x 65,536 samples 0.3 % is
+    caught.
 
-    Mitsuba's own gaussian, which ends at four sigmas instead of 1.5 pixels, is 0.8 % off here; a shift by 0.01 pixels is 0.8 %.
+    Mitsuba's own gaussian, which ends at four sigmas instead of 1.5 pixels, is 0.8 % off here; a shift by
+    0.01 pixels is 0.8 %.
     """
     chosen = FILTERS[name]
     image = BACKEND.render(edge(chosen, along), ReferenceRequest(2**14)).mean[..., 0]
@@ -135,7 +139,11 @@ def test_an_edge_is_blurred_by_the_filter(name: str, along: int):
 @pytest.mark.parametrize("name", FILTERS)
 def test_offsets_are_the_filters_quantiles(name: str):
     chosen = FILTERS[name]
-    for table, radius in zip(offsets(Film(1, 1, "", chosen)) or (), (chosen.xradius, chosen.yradius), strict=True):
-        np.testing.assert_allclose(cumulative(chosen, radius, table), np.linspace(0, 1, len(table)), atol=1e-8)
+    for table, radius in zip(
+        offsets(Film(1, 1, "", chosen)) or (), (chosen.xradius, chosen.yradius), strict=True
+    ):
+        np.testing.assert_allclose(
+            cumulative(chosen, radius, table), np.linspace(0, 1, len(table)), atol=1e-8
+        )
         assert density(chosen, radius, np.array([radius]))[0] == (1.0 if chosen.kind == "box" else 0.0)
     assert offsets(Film(1, 1)) is None

@@ -11,20 +11,8 @@ from pipeline.references.mitsuba import environment as mitsuba_environment
 from pipeline.references.mitsuba.lights import FALLOFF_ERROR, falloff
 from pipeline.references.mitsuba.limits import reason
 from pipeline.references.mitsuba.scene import convert, normalising_frame
-from scenes.description import (
-    Array,
-    Disk,
-    DistantLight,
-    Emission,
-    Environment,
-    Geometry,
-    Light,
-    PointLight,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-    TriangleMesh,
-)
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.shapes import Array, Disk, Emission, Geometry, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 from tests.kit.mitsuba_checks import BACKEND, irradiance, lit, picture, render
 from tests.kit.mitsuba_scenes import above, floor, look_at, rectangle, scene, shape, vector
@@ -47,7 +35,9 @@ def spot_over(degrees: float) -> SpotLight:
 
 
 def smoothstep(degrees: float, start: float, end: float) -> float:
-    x = (np.cos(np.radians(degrees)) - np.cos(np.radians(end))) / (np.cos(np.radians(start)) - np.cos(np.radians(end)))
+    x = (np.cos(np.radians(degrees)) - np.cos(np.radians(end))) / (
+        np.cos(np.radians(start)) - np.cos(np.radians(end))
+    )
     x = min(max(x, 0.0), 1.0)
     return x * x * (3 - 2 * x)
 
@@ -59,7 +49,10 @@ def turned(up: Array, mirrored: bool = False) -> Array:
 
 
 DELTA: dict[str, tuple[Light, Array]] = {
-    "point": (PointLight(POINT + vector(0.6, 1.4, -0.3), RGB), RGB * 1.4 / np.linalg.norm([0.6, 1.4, 0.3]) ** 3),
+    "point": (
+        PointLight(POINT + vector(0.6, 1.4, -0.3), RGB),
+        RGB * 1.4 / np.linalg.norm([0.6, 1.4, 0.3]) ** 3,
+    ),
     "distant": (DistantLight(unit(1, 2, -1), RGB), RGB * 2 / np.sqrt(6)),
     "spot, full": (spot_over(14.0), RGB / 4),
     "spot, falling off": (spot_over(29.0), RGB / 4 * smoothstep(29, 15, 40)),
@@ -73,8 +66,11 @@ DELTA: dict[str, tuple[Light, Array]] = {
 
 @pytest.mark.parametrize("name", DELTA)
 def test_a_delta_light_gives_its_irradiance(name: str):
-    """Nothing is random but where in its pixel, of 2e-3 at most, a ray starts: 2e-5 of the value is caught, a factor
-    of 2 or pi, a scale that is not squared and an axis the wrong way round with it. A spot's falloff is an image, good to 1e-4 of full."""
+    """Nothing is random but where in its pixel, of 2e-3 at most, a ray starts: 2e-5 of the value is caught, a
+    factor
+    of 2 or pi, a scale that is not squared and an axis the wrong way round with it. A spot's falloff is an
+    image, good to 1e-4 of full.
+    """
     light, want = DELTA[name]
     image = picture(lit([floor()], [light], above(POINT, 2e-3, 0.1)))
     spare = 1.5 * FALLOFF_ERROR / 4 if "falling" in name or "nearly" in name else 0.0
@@ -90,7 +86,9 @@ def test_a_spots_picture_is_its_falloff(cone: float, start: float):
     image = falloff(light)[..., 0]
     rng = np.random.default_rng(1)
     radius, turn = np.sqrt(rng.random(4000)), rng.uniform(0, 2 * np.pi, 4000)
-    want = [smoothstep(float(t), start, cone) for t in np.degrees(np.arctan(radius * np.tan(np.radians(cone))))]
+    want = [
+        smoothstep(float(t), start, cone) for t in np.degrees(np.arctan(radius * np.tan(np.radians(cone))))
+    ]
     at = (np.stack([radius * np.sin(turn), radius * np.cos(turn)]) + 1) / 2 * len(image) - 0.5
     low = np.clip(np.floor(at).astype(int), 0, len(image) - 2)
     (b, a), (j, i) = at - low, low
@@ -126,7 +124,9 @@ ENVIRONMENTS: dict[str, list[Environment]] = {
 
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sixteenth of the texels, for speed; how much the number of them matters is test_mitsuba_environment's."""
+    """A sixteenth of the texels, for speed; how much the number of them matters is
+    test_mitsuba_environment's.
+    """
     monkeypatch.setattr(mitsuba_environment, "ROWS", 256)
     monkeypatch.setattr(mitsuba_environment, "SUBCELLS", 1024)
 
@@ -134,7 +134,9 @@ def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_an_environment_gives_its_irradiance(name: str):
-    """At 4 standard errors 0.4 % is caught; an axis astray or a mirrored image changes these by 5 % or more."""
+    """At 4 standard errors 0.4 % is caught; an axis astray or a mirrored image changes these by 5 % or
+    more.
+    """
     given = ENVIRONMENTS[name]
     value, error = render(lit([floor()], given, above(POINT, 0.01, 0.3)), 2**16)
     want = np.sum([irradiance(one, Y) for one in given], axis=0) / (2 * np.pi)
@@ -147,7 +149,9 @@ def test_an_environment_gives_its_irradiance(name: str):
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("mapping", ["equal-area", "latitude-longitude"])
 def test_an_environment_is_seen_where_pbrt_looks_it_up(mapping: str, mirrored: bool):
-    """The nearest texel along each pixel's ray, written down anew; texels are 30 pixels wide, so that few pixels see an edge."""
+    """The nearest texel along each pixel's ray, written down anew; texels are 30 pixels wide, so that few
+    pixels see an edge.
+    """
     frame = turned(unit(0.4, 0.5, 0.8), mirrored)
     environment = Environment(RGB, IMAGE, mapping, frame)
     camera = look_at(vector(1, 2, 3), vector(0.2, 1, 0.5), vector(0.1, 1, 0))
@@ -183,7 +187,10 @@ TWO_SIDED: dict[str, tuple[Geometry, float]] = {
     # Irradiance 1 below and 1 above; each light is symmetrical about the plane y = 0.
     "rectangle": (rectangle(vector(0, 0, 0), 0.5 * X, 0.5 * Z), 0.0),
     "disk": (Disk(vector(0, 0, 0), Y, 0.5), np.pi * 0.25 / 1.25),
-    "mesh": (TriangleMesh(np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0, 0, 0.7]]), np.array([[0, 1, 2]])), 0.0),
+    "mesh": (
+        TriangleMesh(np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0, 0, 0.7]]), np.array([[0, 1, 2]])),
+        0.0,
+    ),
     "sphere": (Sphere(vector(0, 0, 0), 0.5), np.pi * 0.25),
 }
 
@@ -193,7 +200,9 @@ def two_sided(geometry: Geometry) -> ShapeDescription:
 
 
 def irradiance_of_polygon(corners: Array) -> float:
-    """Irradiance at the origin, normal +y, from a polygon of radiance 1 above the horizon: Lambert's formula."""
+    """Irradiance at the origin, normal +y, from a polygon of radiance 1 above the horizon: Lambert's
+    formula.
+    """
     a = corners / np.linalg.norm(corners, axis=1, keepdims=True)
     b = np.roll(a, -1, axis=0)
     edge = np.cross(a, b)
@@ -204,9 +213,11 @@ def irradiance_of_polygon(corners: Array) -> float:
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("name", TWO_SIDED)
 def test_a_two_sided_light_shines_on_both_sides(name: str, side: int):
-    """A floor below and one above: each sees one side of the light, and the light hides the other floor's reflection from nothing.
+    """A floor below and one above: each sees one side of the light, and the light hides the other floor's
+    reflection from nothing.
 
-    At 4 standard errors 0.5 % is caught: a side that is missing, half as bright or in the other's shadow is 50 to 100 %.
+    At 4 standard errors 0.5 % is caught: a side that is missing, half as bright or in the other's shadow is
+    50 to 100 %.
     """
     geometry, want = TWO_SIDED[name]
     if isinstance(geometry, TriangleMesh):
@@ -228,8 +239,12 @@ def test_a_two_sided_light_shines_on_both_sides(name: str, side: int):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_both_sides_of_a_light_are_seen_as_they_are(side: int):
-    """Four lights, from above and from below: nothing but their radiance and black is seen, and each is seen."""
-    where = dict(zip(TWO_SIDED, (vector(-1, 0, -1), vector(1, 0, -1), vector(-1, 0, 1), vector(1, 0, 1)), strict=True))
+    """Four lights, from above and from below: nothing but their radiance and black is seen, and each is
+    seen.
+    """
+    where = dict(
+        zip(TWO_SIDED, (vector(-1, 0, -1), vector(1, 0, -1), vector(-1, 0, 1), vector(1, 0, 1)), strict=True)
+    )
     lights = [two_sided(moved_by(geometry, where[name])) for name, (geometry, _) in TWO_SIDED.items()]
     image = picture(scene(lights, look_at(6 * side * Y, vector(0, 0, 0), Z), 40.0, 64, 64), 1)
     whole, black = (np.all(np.abs(image / RGB - value) < 1e-6, axis=-1) for value in (1, 0))

@@ -7,7 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scenes.description import Array, Conductor, DistantLight, Environment, ShapeDescription
+from scenes.description.lights import DistantLight, Environment
+from scenes.description.materials import Conductor
+from scenes.description.shapes import Array, ShapeDescription
 from tests.kit.mitsuba_checks import lit, picture, render
 from tests.kit.mitsuba_scenes import floor, look_at, vector
 
@@ -40,7 +42,9 @@ def metal_floor(metal: Conductor, reverse: bool = False) -> ShapeDescription:
 
 def from_angles(theta: float | Array, phi: float | Array) -> Array:
     """In the frame whose z is +y: (z, x, y) of the world."""
-    return np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1)
+    return np.stack(
+        np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1
+    )
 
 
 def to_world(w: Array) -> Array:
@@ -57,7 +61,10 @@ def to_world(w: Array) -> Array:
     ],
 )
 def test_a_metal_reflects_a_direction_as_pbrts(alpha: float, angles: tuple[int, int, int], reverse: bool):
-    """Nothing is random: 2e-4 is caught. Mitsuba's own metal, whose shadowing is not correlated by height, is 3.6 % off in the first."""
+    """Nothing is random: 2e-4 is caught.
+
+    Mitsuba's own metal, whose shadowing is not correlated by height, is 3.6 % off in the first.
+    """
     out, into, turn = np.radians(angles)
     metal = dataclasses.replace(GOLD, alpha=alpha)
     wo, wi = from_angles(out, 0.0), from_angles(into, turn)
@@ -70,7 +77,9 @@ def test_a_metal_reflects_a_direction_as_pbrts(alpha: float, angles: tuple[int, 
 
 @pytest.mark.parametrize("alpha", [0.3, 0.02])
 def test_a_metal_under_a_white_sky_has_its_albedo(alpha: float):
-    """By quadrature over the half-vector; at 4 standard errors 0.5 % is caught, a wrong density of its samples with it."""
+    """By quadrature over the half-vector; at 4 standard errors 0.5 % is caught, a wrong density of its
+    samples with it.
+    """
     metal, theta = dataclasses.replace(GOLD, alpha=alpha), np.radians(50)
     wo = from_angles(theta, 0.0)
     view = look_at(to_world(wo), O, Y), 0.1

@@ -1,4 +1,6 @@
-"""Is the variance of the mean what it says, are batches independent, and what happens when the worker fails."""
+"""Is the variance of the mean what it says, are batches independent, and what happens when the worker
+fails.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from pipeline.references.backends.mitsuba import MitsubaBackend, Probe
 from pipeline.references.mitsuba import process as mitsuba_process
 from pipeline.references.mitsuba.seeds import seeds_for
 from pipeline.references.protocol import BACKENDS, Continuation, ReferenceImage, ReferenceRequest
-from scenes.description import Film, SceneDescription
+from scenes.description.scene import Film, SceneDescription
 from scenes.errors import PenumbraError
 from tests.kit.mitsuba_scenes import floor, look_at, rectangle, scene, shape, vector
 
@@ -40,10 +42,11 @@ def runs(request: pytest.FixtureRequest) -> list[ReferenceImage]:
 
 
 def test_the_variance_of_the_mean_is_right(runs: list[ReferenceImage]):
-    """Chi-square of the difference of two runs. With 3,600 pixels its mean is known to 2.4 %: 10 % in the variance is caught.
+    """Chi-square of the difference of two runs. With 3,600 pixels its mean is known to 2.4 %: 10 % in the
+    variance is caught.
 
-    The expectation is that of Student's t with 126 degrees of freedom, 126 / 124, and not 1. This has found one: evenly
-    spaced seeds in the scalar variant gave 0.84 to 0.90.
+    The expectation is that of Student's t with 126 degrees of freedom, 126 / 124, and not 1. This has found
+    one: evenly spaced seeds in the scalar variant gave 0.84 to 0.90.
     """
     a, b = runs
     z2 = ((a.mean - b.mean) ** 2 / (a.variance + b.variance))[..., 0]
@@ -52,7 +55,8 @@ def test_the_variance_of_the_mean_is_right(runs: list[ReferenceImage]):
 
 
 def test_two_runs_share_nothing(runs: list[ReferenceImage]):
-    """Repeated or shared batches would make the runs agree better than their variances allow, at the same pixel: caught above.
+    """Repeated or shared batches would make the runs agree better than their variances allow, at the same
+    pixel: caught above.
     Here the image mean, which streams shared between pixels would widen: one draw of a standard normal.
     """
     a, b = runs
@@ -62,7 +66,8 @@ def test_two_runs_share_nothing(runs: list[ReferenceImage]):
 
 @pytest.mark.parametrize("size", [(33, 33), (32, 32), (1, 100), (160, 120), (72, 50), (7, 5)])
 def test_calls_share_no_stream(size: tuple[int, int]):
-    """Measured in the scalar variant: at 33 x 33, the images of seeds s and s + 1 share 57 pixels' random numbers, s and s + 2 two.
+    """Measured in the scalar variant: at 33 x 33, the images of seeds s and s + 1 share 57 pixels' random
+    numbers, s and s + 2 two.
 
     There pixel i of block k of a call takes stream seed * width * height + 1024 k + i, modulo 2^32.
     """
@@ -117,7 +122,10 @@ def test_interrupted_and_gone_on_with_it_comes_out_the_same():
 
 def test_an_interrupted_call_ends_its_worker(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """One that would go on for a minute."""
-    script = f"import time; open({str(tmp_path / 'began')!r}, 'w').close(); print('penumbra-lift 1', flush=True); time.sleep(60)"
+    script = (
+        f"import time; open({str(tmp_path / 'began')!r}, 'w').close(); print('penumbra-lift 1', "
+        "flush=True); time.sleep(60)"
+    )
     monkeypatch.setattr(mitsuba_process, "command", lambda _folder: [sys.executable, "-c", script])
     work_with(monkeypatch, "llvm_ad_rgb")
     start = time.monotonic()
@@ -163,7 +171,9 @@ def test_without_llvm_the_scalar_variant_is_taken(monkeypatch: pytest.MonkeyPatc
 
 
 def test_here_the_wheels_llvm_works():
-    """The dependency that brings LLVM does what it is there for; a silent fall to the slow variant is a failure here."""
+    """The dependency that brings LLVM does what it is there for; a silent fall to the slow variant is a
+    failure here.
+    """
     llvm = mitsuba_process.llvm_library()
     assert llvm is not None and "libLLVM" in llvm
     assert isinstance(mitsuba.probe_variants()[0], Probe) and mitsuba.working_variant() == "llvm_ad_rgb"

@@ -10,24 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.description import (
+from scenes.description.lights import DistantLight
+from scenes.description.materials import Diffuse
+from scenes.description.shapes import (
     Array,
     BilinearMesh,
-    Checkerboard,
-    Diffuse,
     Disk,
-    DistantLight,
     Emission,
     Geometry,
-    ImageTexture,
-    Mix,
-    Product,
     ShapeDescription,
     Sphere,
-    Texture,
     TriangleMesh,
-    UVMapping,
 )
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from tests.kit.mitsuba_checks import BACKEND, lit, picture
 from tests.kit.mitsuba_scenes import look_at, rectangle, scene, vector
 
@@ -35,7 +30,9 @@ X, Y, Z = np.eye(3)
 
 
 def mostly_slow(names: Iterable[str], quick: str) -> list[Any]:
-    """All of them in the slow tier, but for those whose name has `quick` in it: each is a process of its own."""
+    """All of them in the slow tier, but for those whose name has `quick` in it: each is a process of its
+    own.
+    """
     return [name if re.search(quick, name) else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
@@ -109,7 +106,9 @@ SIZE, SIDE = 24, 8
 
 
 def rays(view: Array, fov: float) -> tuple[Array, Array]:
-    """Origin (3,) and directions (SIZE SIDE, SIZE SIDE, 3) of SIDE^2 rays a pixel of a square image, by pbrt's camera."""
+    """Origin (3,) and directions (SIZE SIDE, SIZE SIDE, 3) of SIDE^2 rays a pixel of a square image, by
+    pbrt's camera.
+    """
     count = SIZE * SIDE
     y, x = (np.mgrid[:count, :count] + 0.5) / count * 2 - 1
     d = np.stack([x, -y, np.full_like(x, 1 / np.tan(np.radians(fov / 2)))], -1)
@@ -131,7 +130,9 @@ def assert_seen(geometry: Geometry, texture: Texture, uv: Array, cosine: Array) 
     """
     image = picture(lit([ShapeDescription(geometry, Diffuse(texture))], [SUN], VIEW, SIZE), 256)
     there = ~np.isnan(uv[..., :1])
-    want = shrunk(np.where(there, look_up(texture, np.nan_to_num(uv)) * np.maximum(cosine, 0)[..., None], 0.0))
+    want = shrunk(
+        np.where(there, look_up(texture, np.nan_to_num(uv)) * np.maximum(cosine, 0)[..., None], 0.0)
+    )
     error = np.abs(image - want)
     assert want.max() > 0.3 and np.ptp(want, axis=(0, 1)).max() > 0.2
     assert np.median(error) < 1e-3
@@ -156,7 +157,9 @@ def square_uv() -> Array:
 
 @pytest.mark.parametrize("name", mostly_slow(TEXTURES, "black around|of images|by an image"))
 def test_a_texture_lies_as_pbrt_lays_it(name: str):
-    """An image that is mirrored, turned, shifted by half a texel or interpolated where it should not be is 0.1 or more off in most pixels."""
+    """An image that is mirrored, turned, shifted by half a texel or interpolated where it should not be is
+    0.1 or more off in most pixels.
+    """
     assert_seen(SQUARE, TEXTURES[name], square_uv(), np.float64(-SUN.wi[2]))
 
 
@@ -180,7 +183,9 @@ CORNERS: dict[str, BilinearMesh | TriangleMesh] = {
 @pytest.mark.parametrize("emits", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", mostly_slow(CORNERS, "reversed patch with uv|triangles, reversed"))
 def test_a_texture_follows_the_corners(name: str, emits: bool):
-    """Emitting patches are rectangles to Mitsuba and the others triangles; a light of radiance 0 looks the same."""
+    """Emitting patches are rectangles to Mitsuba and the others triangles; a light of radiance 0 looks the
+    same.
+    """
     mesh, uv = CORNERS[name], square_uv()
     emits = emits and isinstance(mesh, BilinearMesh)
     if mesh.uv is not None:
@@ -189,7 +194,12 @@ def test_a_texture_follows_the_corners(name: str, emits: bool):
         u, v = np.moveaxis(uv, -1, 0)
         uv = np.where((v <= u)[..., None], np.stack([u, v], -1), 1 - np.stack([u, v], -1))
     texture = ImageTexture(BITS)
-    given = lit([ShapeDescription(mesh, Diffuse(texture), Emission(np.zeros(3)) if emits else None)], [SUN], VIEW, SIZE)
+    given = lit(
+        [ShapeDescription(mesh, Diffuse(texture), Emission(np.zeros(3)) if emits else None)],
+        [SUN],
+        VIEW,
+        SIZE,
+    )
     # A second emitter, though black, takes half of the samples.
     image = picture(given, 2**15 if emits else 256)
     want = shrunk(np.where(np.isnan(uv[..., :1]), 0.0, look_up(texture, np.nan_to_num(uv)) * -SUN.wi[2]))
@@ -216,13 +226,20 @@ def test_a_texture_on_a_sphere_lies_as_pbrts(hand: str):
     u = np.mod(np.arctan2(own[..., 1], own[..., 0]), 2 * np.pi) / (2 * np.pi)
     uv = np.stack([u, 1 - np.arccos(np.clip(own[..., 2], -1, 1)) / np.pi], -1)
     assert_seen(
-        Sphere(O, radius, frame=frame), ImageTexture(FINE, UVMapping(2.0, 2.0)), uv, np.nan_to_num(p @ SUN.wi / radius)
+        Sphere(O, radius, frame=frame),
+        ImageTexture(FINE, UVMapping(2.0, 2.0)),
+        uv,
+        np.nan_to_num(p @ SUN.wi / radius),
     )
 
 
-@pytest.mark.parametrize(("mirrored", "away"), [(True, True), pytest.param(False, False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("mirrored", "away"), [(True, True), pytest.param(False, False, marks=pytest.mark.slow)]
+)
 def test_a_texture_on_a_disk_lies_as_pbrts(mirrored: bool, away: bool):
-    """u is the angle, v is 0 at the rim and 1 in the middle. away: the normal is not the third axis but its opposite."""
+    """u is the angle, v is 0 at the rim and 1 in the middle. away: the normal is not the third axis but its
+    opposite.
+    """
     turn = np.array([[np.cos(0.4), -np.sin(0.4), 0], [np.sin(0.4), np.cos(0.4), 0], [0, 0, 1]])
     frame = turn * (1, -1 if mirrored else 1, 1)
     x, y = on_plane()
@@ -234,7 +251,9 @@ def test_a_texture_on_a_disk_lies_as_pbrts(mirrored: bool, away: bool):
 
 
 def test_textures_that_mitsuba_cannot_have_are_refused():
-    trapezium = BilinearMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 1, 0]]), np.array([[0, 1, 2, 3]]))
+    trapezium = BilinearMesh(
+        np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 1, 0]]), np.array([[0, 1, 2, 3]])
+    )
     image = ImageTexture(BITS)
     cases: dict[str, tuple[Geometry, Texture]] = {
         "no parallelogram": (trapezium, image),

@@ -19,27 +19,11 @@ from pipeline.references.mitsuba.process import llvm_library, run_task
 from pipeline.references.mitsuba.scene import convert
 from pipeline.references.mitsuba.worker import Task
 from pipeline.references.mitsuba.xml import to_xml
-from scenes.description import (
-    Array,
-    Checkerboard,
-    Conductor,
-    Diffuse,
-    Disk,
-    DistantLight,
-    Emission,
-    Environment,
-    Film,
-    ImageTexture,
-    Material,
-    PixelFilter,
-    PointLight,
-    SceneDescription,
-    ShapeDescription,
-    Sphere,
-    SpotLight,
-    TriangleMesh,
-    UVMapping,
-)
+from scenes.description.lights import DistantLight, Environment, PointLight, SpotLight
+from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.scene import Film, PixelFilter, SceneDescription
+from scenes.description.shapes import Array, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.textures import Checkerboard, ImageTexture, UVMapping
 from scenes.errors import PenumbraError
 from scenes.images.exr import write_exr
 from tests.kit.mitsuba_scenes import floor, look_at, rectangle, scene, shape, vector
@@ -59,13 +43,17 @@ numpy.save(sys.argv[3], numpy.array(mitsuba.render(scene, seed={SEED}, spp={SPP}
 def everything(metal: bool = False) -> SceneDescription:
     """One of each, far from the origin."""
     checks = Checkerboard(ImageTexture(IMAGE), vector(0.1, 0.7, 0.2), UVMapping(3.0, 3.0))
-    ball: Material = Conductor(vector(0.2, 0.9, 1.5), vector(3.9, 2.4, 2.0), 0.3) if metal else Diffuse(np.full(3, 0.6))
+    ball: Material = (
+        Conductor(vector(0.2, 0.9, 1.5), vector(3.9, 2.4, 2.0), 0.3) if metal else Diffuse(np.full(3, 0.6))
+    )
     lamp = Emission(vector(3, 2, 1), two_sided=True)
     triangle = TriangleMesh(vector(2, 0, 0, 2, 1, 0, 2, 0, 1).reshape(3, 3), np.array([[0, 1, 2]]))
     shapes = [
         dataclasses.replace(floor(), material=Diffuse(checks)),
         ShapeDescription(
-            rectangle(vector(0, 2, 0), 0.5 * Z, 0.5 * X), Diffuse(np.zeros(3)), Emission(np.full(3, 9.0), image=IMAGE)
+            rectangle(vector(0, 2, 0), 0.5 * Z, 0.5 * X),
+            Diffuse(np.zeros(3)),
+            Emission(np.full(3, 9.0), image=IMAGE),
         ),
         ShapeDescription(Sphere(vector(0.5, 0.6, 0.3), 0.3), ball),
         ShapeDescription(Disk(vector(-1, 1, -0.5), vector(0.6, 0.8, 0), 0.4), Diffuse(np.full(3, 0.3)), lamp),
@@ -87,7 +75,9 @@ def loaded(path: Path) -> Array:
     library = llvm_library()
     environment = os.environ | ({"DRJIT_LIBLLVM_PATH": library} if library else {})
     target = path.with_suffix(".npy")
-    subprocess.run([sys.executable, "-c", LOAD, working_variant(), str(path), str(target)], check=True, env=environment)
+    subprocess.run(
+        [sys.executable, "-c", LOAD, working_variant(), str(path), str(target)], check=True, env=environment
+    )
     return np.load(target).astype(np.float64)
 
 
@@ -95,7 +85,8 @@ def written(given: SceneDescription, folder: Path) -> Path:
     files = to_xml(given, "scene")
     for name, image in files.images.items():
         write_exr(
-            folder / name, dict(zip("RGB" if image.shape[2] == 3 else "Y", np.moveaxis(image, -1, 0), strict=True))
+            folder / name,
+            dict(zip("RGB" if image.shape[2] == 3 else "Y", np.moveaxis(image, -1, 0), strict=True)),
         )
     for name, mesh in files.meshes.items():
         (folder / name).write_bytes(mesh)
@@ -111,9 +102,11 @@ def converted(given: SceneDescription) -> Array:
 
 @pytest.mark.parametrize("mesh", [False, True])
 def test_the_file_renders_to_our_references_image(mesh: bool, tmp_path: Path):
-    """The same seed, so that nothing but rounding differs: one sample in 19,200 that falls on the other side of an edge is allowed for.
+    """The same seed, so that nothing but rounding differs: one sample in 19,200 that falls on the other side
+    of an edge is allowed for.
 
-    With the mesh as the only light, or without it: Mitsuba's order of emitters, by which it draws them, is another for meshes from files.
+    With the mesh as the only light, or without it: Mitsuba's order of emitters, by which it draws them, is
+    another for meshes from files.
     """
     given = everything()
     dark = (*(dataclasses.replace(one, emission=None) for one in given.shapes[:-1]), given.shapes[-1])
@@ -157,7 +150,9 @@ def test_the_command_writes_all_files_and_says_what_was_moved(tmp_path: Path):
     target = tmp_path / "a b.xml"
     done = CliRunner().invoke(app, ["export", "soft-shadow", "--to", "mitsuba", "-o", str(target)])
     assert (done.exit_code, done.stdout) == (0, "")
-    assert "a point p of the scene is at" in done.stderr and "a point p of the scene is at" in target.read_text()
+    assert (
+        "a point p of the scene is at" in done.stderr and "a point p of the scene is at" in target.read_text()
+    )
     root = ElementTree.parse(target).getroot()
     names = {item.get("value") for item in root.iter("string") if item.get("name") == "filename"}
     assert names == {path.name for path in tmp_path.iterdir()} - {target.name}
@@ -168,7 +163,8 @@ def test_what_has_files_beside_it_needs_a_file(to: str, tmp_path: Path):
     write_exr(tmp_path / "sky.exr", {name: np.ones((2, 2)) for name in "RGB"})
     path = tmp_path / "sky.pbrt"
     path.write_text(
-        'Camera "perspective"\nWorldBegin\nLightSource "infinite" "string filename" "sky.exr"\nShape "sphere"\n'
+        'Camera "perspective"\nWorldBegin\nLightSource "infinite" "string filename" "sky.exr"\nShape '
+        '"sphere"\n'
     )
     before = sorted(tmp_path.iterdir())
     done = CliRunner().invoke(app, ["export", str(path), "--to", to])
@@ -181,6 +177,8 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    done = CliRunner().invoke(app, ["export", "soft-shadow", "--to", "mitsuba", "-o", str(tmp_path / "a.xml")])
+    done = CliRunner().invoke(
+        app, ["export", "soft-shadow", "--to", "mitsuba", "-o", str(tmp_path / "a.xml")]
+    )
     assert isinstance(done.exception, PenumbraError) and "No space left" in str(done.exception)
     assert not list(tmp_path.iterdir())

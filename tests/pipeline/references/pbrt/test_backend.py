@@ -1,4 +1,6 @@
-"""The pbrt backend with a stand-in for the binary: what it is given, what is made of its images, and every way of failing."""
+"""The pbrt backend with a stand-in for the binary: what it is given, what is made of its images, and every
+way of failing.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,11 @@ from pipeline.references.backends.pbrt import PbrtBackend, batch_seed, exported
 from pipeline.references.pbrt.channels import gray_scenes
 from pipeline.references.protocol import ReferenceRequest
 from pipeline.statistics.welch import Moments, compare_images
-from scenes.description import Array, Diffuse, Environment, ImageTexture, SceneDescription, ShapeDescription
+from scenes.description.lights import Environment
+from scenes.description.materials import Diffuse
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Array, ShapeDescription
+from scenes.description.textures import ImageTexture
 from scenes.errors import PenumbraError
 from scenes.images.exr import read_rgb, write_exr
 from scenes.pbrt.parser import parse
@@ -27,7 +33,8 @@ from tests.kit.fake_batches import small
 from tests.kit.mitsuba_scenes import floor, scene
 from tests.kit.pbrt_images import NO_PBRT, PBRT
 
-# Takes pbrt's options, notes how it was called, and copies the image prepared for that pass and that call of it.
+# Takes pbrt's options, notes how it was called, and copies the image prepared for that pass and that call of
+# it.
 FAKE = """#!{python} -IS
 import json, pathlib, shutil, sys, time
 here, work = pathlib.Path({home!r}), pathlib.Path.cwd()
@@ -81,7 +88,9 @@ def gray() -> SceneDescription:
     light = small().shapes[1]
     assert light.emission is not None
     emission = dataclasses.replace(light.emission, radiance=np.ones(3))
-    return dataclasses.replace(small(), shapes=(small().shapes[0], dataclasses.replace(light, emission=emission)))
+    return dataclasses.replace(
+        small(), shapes=(small().shapes[0], dataclasses.replace(light, emission=emission))
+    )
 
 
 def test_a_gray_scene_takes_one_pass_a_batch_each_with_its_own_seed(fake: FakePbrt):
@@ -99,7 +108,9 @@ def test_a_gray_scene_takes_one_pass_a_batch_each_with_its_own_seed(fake: FakePb
 
 def test_the_file_names_no_seed_and_reads_back_as_the_scene(fake: FakePbrt):
     """pbrt ignores --seed where the file gives one, and every batch would be the same."""
-    given = dataclasses.replace(gray(), defaults=dataclasses.replace(gray().defaults, sampler="sobol", seed=7, spp=3))
+    given = dataclasses.replace(
+        gray(), defaults=dataclasses.replace(gray().defaults, sampler="sobol", seed=7, spp=3)
+    )
     PbrtBackend().render(given, ReferenceRequest(2, 2))
     text = fake.calls[0]["text"]
     assert "seed" not in text and text.count('Sampler "independent"') == 1
@@ -146,7 +157,9 @@ def test_every_colour_of_a_scene_is_split():
 
 @NO_PBRT
 def test_pbrts_own_images_through_the_backend_agree_with_the_closed_form(tmp_path: Path, fake: FakePbrt):
-    """What pbrt made of touching-light, two seeds, as two batches: orientation, variance and provenance are in order."""
+    """What pbrt made of touching-light, two seeds, as two batches: orientation, variance and provenance are
+    in order.
+    """
     given = scenes.load(str(PBRT / "touching-light.pbrt"))
     for call, which in enumerate("ab"):
         fake.gives(0, call, read_rgb(PBRT / f"touching-light.{which}.exr").mean(axis=-1))
@@ -172,11 +185,14 @@ def test_ambient_occlusion_is_asked_of_the_bare_scene(fake: FakePbrt):
 
 
 FAILURES: dict[str, tuple[str, str]] = {
-    "exit code": ("print('Error: bad scene', file=sys.stderr); sys.exit(3)", "failed with code 3: Error: bad scene$"),
+    "exit code": (("print('Error: bad scene', file=sys.stderr); "
+"sys.exit(3)"), "failed with code 3: Error: bad scene$"),
     "crash": ("import os; os.abort()", "failed with code -6; it said nothing$"),
     "no image": ("print('rendered')", "ended well and wrote no image: rendered$"),
-    "text for an image": ("pathlib.Path(options['--outfile']).write_text('hello')", "image cannot be read: not a readable"),
-    "another size": ("shutil.copy(here / 'wide.exr', options['--outfile'])", "image is 7 x 5 pixels, not 6 x 5"),
+    "text for an image": ("pathlib.Path(options['--outfile']).write_text('hello')", ("image cannot be read: "
+"not a readable")),
+    "another size": (("shutil.copy(here / 'wide.exr', "
+"options['--outfile'])"), "image is 7 x 5 pixels, not 6 x 5"),
     "NaN": ("shutil.copy(here / 'nan.exr', options['--outfile'])", "90 non-finite values"),
 }  # fmt: skip
 
@@ -239,7 +255,9 @@ def test_a_file_that_is_no_program_is_an_error(tmp_path: Path, monkeypatch: pyte
         PbrtBackend().render(gray(), ReferenceRequest(2, 2))
 
 
-def test_it_is_found_on_the_path_and_its_version_is_its_content(fake: FakePbrt, monkeypatch: pytest.MonkeyPatch):
+def test_it_is_found_on_the_path_and_its_version_is_its_content(
+    fake: FakePbrt, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.delenv("PENUMBRA_PBRT")
     monkeypatch.setenv("PATH", str(fake.home))
     assert PbrtBackend().refuses(gray()) is None

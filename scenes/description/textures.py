@@ -1,4 +1,4 @@
-"""What surfaces are like: their textures, materials and emission, part of a scene's description."""
+"""Textures: what varies over a surface."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ class UVMapping:
 class ImageTexture:
     """An image laid on a surface. image: (h, w, 3) float64, linear RGB, none below 0, the first row at t = 1.
 
-    wrap: "repeat", "black" or "clamp". filter: "bilinear" or "point". What it finds is multiplied by `scale`, taken from 1 if
-    `invert`, cut off below 0 and, if `clamped` as colours are in pbrt and numbers are not, above 1.
+    wrap: "repeat", "black" or "clamp". filter: "bilinear" or "point". What it finds is multiplied by `scale`,
+    taken from 1 if `invert`, cut off below 0 and, if `clamped` as colours are in pbrt and numbers are not,
+    above 1.
     """
 
     image: Array
@@ -42,15 +43,19 @@ class ImageTexture:
         return np.clip(1.0 - scaled if self.invert else scaled, 0.0, 1.0 if self.clamped else None)
 
     def plain(self) -> ImageTexture | None:
-        """The same texture by its texels alone; None where a bound lies between looking up and the value, which no texels can do.
+        """The same texture by its texels alone; None where a bound lies between looking up and the value,
+        which no texels can do.
 
-        Exact but for rounding: a mean of texels goes through what is linear, and the nearest one through anything.
+        Exact but for rounding: a mean of texels goes through what is linear, and the nearest one through
+        anything.
         """
         top = float(self.image.max(initial=0.0)) * self.scale
         bounded = top > 1.0 and (self.clamped or self.invert)
         if (self.invert and self.wrap == "black") or (bounded and self.filter != "point"):
             return None
-        return ImageTexture(self.value(self.image), self.mapping, self.wrap, self.filter, clamped=self.clamped)
+        return ImageTexture(
+            self.value(self.image), self.mapping, self.wrap, self.filter, clamped=self.clamped
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,38 +86,3 @@ class Mix:
 
 # An array (3,) is a constant.
 Texture = Array | ImageTexture | Checkerboard | Product | Mix
-
-
-@dataclass(frozen=True, eq=False)
-class Diffuse:
-    """Lambertian, two-sided as pbrt's. reflectance: (3,) float64 in [0, 1], or a texture of such."""
-
-    reflectance: Texture
-
-
-@dataclass(frozen=True, eq=False)
-class Conductor:
-    """A rough metal: GGX microfacets (Trowbridge-Reitz) with the Fresnel reflectance of eta + i k, two-sided.
-
-    eta, k: (3,) float64 for red, green and blue. alpha: of the distribution, remapping already done, at least 1e-3.
-    """
-
-    eta: Array
-    k: Array
-    alpha: float
-
-
-Material = Diffuse | Conductor
-
-
-@dataclass(frozen=True, eq=False)
-class Emission:
-    """Diffuse area emission. radiance: (3,) float64, W/(m^2 sr), `scale`, `power` and the like already in it.
-
-    image: (h, w, 3) float64, what to multiply the radiance by over a rectangle, first row at v = 1; looked up
-    bilinearly and clamped at the edges, as pbrt does.
-    """
-
-    radiance: Array
-    two_sided: bool = False
-    image: Array | None = None
