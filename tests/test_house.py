@@ -1,4 +1,4 @@
-"""House rules that no linter here expresses: who may import what, sizes, citations, examples in docstrings,
+"""House rules that no linter here expresses: who may import what, citations, examples in docstrings,
 registries.
 
 The direction of imports between the packages is import-linter's (pyproject.toml).
@@ -37,8 +37,6 @@ ONE_FILE = {
     "pyrender": "pipeline/baseline/worker.py",
     "OpenGL": "pipeline/baseline/worker.py",
 }
-FILE_LINES = 300
-FUNCTION_LINES = 40
 CITATION = re.compile(
     r"\[([a-z]{2,}\d{1,5}[a-z]?)\b(?:,[^\[\]]*| [^\[\]]*)?\]"
 )  # [urena2013] or [urena2013, eq. 7]
@@ -76,28 +74,6 @@ def _imports(path: Path) -> Iterator[str]:
                 func=ast.Attribute(attr="import_module"), args=[ast.Constant(value=str(module)), *_]
             ):
                 yield module
-
-
-def _functions(path: Path) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
-    return (
-        node for node in ast.walk(_tree(path)) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-    )
-
-
-def _lines(path: Path, function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
-    """Lines from `def` to the last, the docstring not counted, nor a command's signature, which is its table
-    of options.
-    """
-    documented = ast.get_docstring(function) is not None
-    body = function.body[1:] if documented else function.body
-    docstring = _height(function.body[0]) if documented else 0
-    if "commands" in path.parts:
-        return _height(body[0], body[-1]) if body else 0
-    return _height(function) - docstring
-
-
-def _height(first: ast.stmt, last: ast.stmt | None = None) -> int:
-    return ((last or first).end_lineno or 0) - first.lineno + 1
 
 
 def _docstrings(path: Path) -> Iterator[str]:
@@ -139,20 +115,6 @@ def test_protocols_can_be_checked_at_run_time() -> None:
         if "runtime_checkable" not in map(ast.unparse, node.decorator_list)
     ]
     assert not wrong
-
-
-def test_files_are_short() -> None:
-    lines = {_name(path): len(path.read_text(encoding="utf-8").splitlines()) for path in [*SOURCES, *TESTS]}
-    assert not {name: count for name, count in lines.items() if count >= FILE_LINES}
-
-
-def test_functions_are_short() -> None:
-    lines = {
-        f"{_name(path)}:{f.lineno} {f.name}": _lines(path, f)
-        for path in [*SOURCES, *TESTS]
-        for f in _functions(path)
-    }
-    assert not {name: count for name, count in lines.items() if count >= FUNCTION_LINES}
 
 
 def test_no_global_random_state() -> None:
