@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.camera import Camera, make_camera
-from renderer.geometry.analytic import Quadrics
+from renderer.geometry.analytic import AnalyticPrimitives
 from renderer.geometry.bounds import TOLERANCE, ShapeBounds, shape_bounds
-from renderer.geometry.primitives import all_quadrics, all_triangles, by_formula, without_skew
+from renderer.geometry.primitives import all_triangles, analytic_primitives, by_formula, without_skew
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
 from renderer.interfaces.light import LIGHTS, LightKind, Source
@@ -43,8 +43,8 @@ class Lights:
     """K lights in all, numbered kind by kind: a source is one light, or one for each face of a mesh.
 
     source: (K,) what each is part of. pmf, cdf: (K,) the chance of choosing it, every source being equally
-    likely, and the running sum of that. delta: (K,) whether it is never met by chance. quadric: (K,) and
-    triangle: (K,) the primitive that it is, -1 for none; of_quadric, of_triangle: their inverses.
+    likely, and the running sum of that. delta: (K,) whether it is never met by chance. primitive, triangle:
+    (K,) the analytic primitive and the triangle that it is, -1 for none; of_primitive, of_triangle: inverses.
     environment: what surrounds the scene, and the number of its light.
     """
 
@@ -53,9 +53,9 @@ class Lights:
     pmf: Floats
     cdf: Floats
     delta: NDArray[np.bool_]
-    quadric: NDArray[np.int64]
+    primitive: NDArray[np.int64]
     triangle: NDArray[np.int64]
-    of_quadric: NDArray[np.int64]
+    of_primitive: NDArray[np.int64]
     of_triangle: NDArray[np.int64]
     environment: tuple[EnvironmentLights, int] | None
 
@@ -67,30 +67,31 @@ class Lights:
 class RenderScene:
     """A scene as arrays, of s shapes.
 
-    glow: the triangles that emit alone; None where none does.
-    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). pictures: images (h, w, 3) that
-    shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing varies.
-    material_of: (s,) which of the materials each shape has. touch: world units; surfaces nearer than this to
-    each other count as touching. far: world units, beyond everything from any point of the scene.
+    emissive_triangles: the triangles that emit alone; None where none does.
+    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
+    3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
+    varies. material_of: (s,) which of the materials each shape has. contact_epsilon: world units; surfaces
+    nearer than this to each other count as touching. scene_diameter: world units, beyond everything from any
+    point of the scene.
     seconds_build: wall clock.
     """
 
     description: SceneDescription
     camera: Camera
     triangles: Triangles | None
-    quadrics: Quadrics
+    analytic: AnalyticPrimitives
     sources: Sources
     lights: Lights
-    glow: Triangles | None
+    emissive_triangles: Triangles | None
     materials: tuple[MaterialKind, ...]
     bounds: tuple[ShapeBounds, ...]
     emission: Floats
     two_sided: NDArray[np.bool_]
-    pictures: tuple[tuple[int, Floats], ...]
+    emission_images: tuple[tuple[int, Floats], ...]
     coordinates: Coordinates | None
     material_of: NDArray[np.int64]
-    touch: float
-    far: float
+    contact_epsilon: float
+    scene_diameter: float
     seconds_build: float
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
@@ -110,33 +111,33 @@ def build(scene: SceneDescription) -> RenderScene:
     start = time.perf_counter()
     shapes = tuple(without_skew(s) for s in scene.shapes)
     scene = replace(scene, shapes=shapes)
-    sources, triangles, quadrics = _sources(scene), all_triangles(shapes), all_quadrics(shapes)
-    lights = _lights(sources, triangles, quadrics)
+    sources, triangles, analytic = _sources(scene), all_triangles(shapes), analytic_primitives(shapes)
+    lights = _lights(sources, triangles, analytic)
     glowing = lights.of_triangle >= 0
     materials, bounds = _materials(shapes), tuple(shape_bounds(s) for s in shapes)
-    size, far = _size(bounds, scene)
+    size, scene_diameter = _size(bounds, scene)
     black = np.zeros(3)
     return RenderScene(
         description=scene,
         camera=make_camera(scene.camera, scene.film),
         triangles=triangles,
-        quadrics=quadrics,
+        analytic=analytic,
         sources=sources,
         lights=lights,
-        glow=triangles.only(glowing) if triangles is not None and glowing.any() else None,
+        emissive_triangles=triangles.only(glowing) if triangles is not None and glowing.any() else None,
         materials=materials,
         bounds=bounds,
         emission=np.stack([s.emission.radiance if s.emission else black for s in shapes] or [black], axis=1),
         two_sided=np.array([s.emission is not None and s.emission.two_sided for s in shapes], dtype=np.bool_),
-        pictures=tuple(
+        emission_images=tuple(
             (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
         ),
         coordinates=coordinates(shapes),
         material_of=np.array(
             [[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64
         ),
-        touch=4 * TOLERANCE * size,
-        far=far,
+        contact_epsilon=4 * TOLERANCE * size,
+        scene_diameter=scene_diameter,
         seconds_build=time.perf_counter() - start,
     )
 
@@ -173,7 +174,7 @@ def _kind(source: Source) -> str:
     )
 
 
-def _lights(sources: Sources, triangles: Triangles | None, quadrics: Quadrics) -> Lights:
+def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPrimitives) -> Lights:
     kinds: list[LightKind] = []
     for name, kind in LIGHTS.items():
         mine = [i for i, source in enumerate(sources.all) if _kind(source) == name]
@@ -182,7 +183,7 @@ def _lights(sources: Sources, triangles: Triangles | None, quadrics: Quadrics) -
     source = np.concatenate([np.zeros(0, dtype=np.int64), *(kind.source for kind in kinds)])
     share = np.concatenate([np.zeros(0), *(kind.share for kind in kinds)])
     pmf = share / max(len(sources.all), 1)
-    quadric, triangle = _primitives(sources, source, triangles, quadrics)
+    primitive, triangle = _primitives(sources, source, triangles, analytic)
     delta = np.concatenate([np.zeros(0, dtype=np.bool_), *(np.full(k.source.size, k.delta) for k in kinds)])
     return Lights(
         kinds=tuple(kinds),
@@ -190,9 +191,9 @@ def _lights(sources: Sources, triangles: Triangles | None, quadrics: Quadrics) -
         pmf=pmf,
         cdf=np.cumsum(pmf),
         delta=delta,
-        quadric=quadric,
+        primitive=primitive,
         triangle=triangle,
-        of_quadric=_inverse(quadric, len(quadrics)),
+        of_primitive=_inverse(primitive, len(analytic)),
         of_triangle=_inverse(triangle, 0 if triangles is None else triangles.shape.size),
         environment=_environment(kinds),
     )
@@ -211,9 +212,9 @@ def _environment(kinds: Sequence[LightKind]) -> tuple[EnvironmentLights, int] | 
 
 
 def _primitives(
-    sources: Sources, source: NDArray[np.int64], triangles: Triangles | None, quadrics: Quadrics
+    sources: Sources, source: NDArray[np.int64], triangles: Triangles | None, analytic: AnalyticPrimitives
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(K,) each: the quadric and the triangle that each light is.
+    """(K,) each: the analytic primitive and the triangle that each light is.
 
     The j-th light of a shape is its j-th primitive.
     """
@@ -224,10 +225,10 @@ def _primitives(
         [isinstance(s, ShapeDescription) and by_formula(s) for s in sources.all], dtype=np.bool_
     )[source]
     none = np.full(source.size, -1, dtype=np.int64)
-    quadric = np.where(exact, np.searchsorted(quadrics.shape, shape) + order, none)
+    primitive = np.where(exact, np.searchsorted(analytic.shape, shape) + order, none)
     if triangles is None:
-        return quadric, none
-    return quadric, np.where((shape >= 0) & ~exact, np.searchsorted(triangles.shape, shape) + order, none)
+        return primitive, none
+    return primitive, np.where((shape >= 0) & ~exact, np.searchsorted(triangles.shape, shape) + order, none)
 
 
 def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ class SurfaceHit:
 
     p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the
     surface. shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
-    triangle, quadric: (n,) int64, the primitive that the point lies on, -1 for none.
+    triangle, primitive: (n,) int64, the triangle or analytic primitive that the point lies on, -1 for none.
     uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures.
     """
 
@@ -25,7 +25,7 @@ class SurfaceHit:
     wo: Floats
     shape: NDArray[np.int64]
     triangle: NDArray[np.int64]
-    quadric: NDArray[np.int64]
+    primitive: NDArray[np.int64]
     uv: Floats
 
     def take(self, rows: NDArray[np.int64]) -> SurfaceHit:
@@ -36,7 +36,7 @@ class SurfaceHit:
             self.wo.take(rows, axis=1),
             self.shape[rows],
             self.triangle[rows],
-            self.quadric[rows],
+            self.primitive[rows],
             self.uv if self.uv.shape[1] == 1 else self.uv.take(rows, axis=1),
         )
 

@@ -21,7 +21,7 @@ from renderer.math.vectors import Floats, dot
 from renderer.plan.limits import check
 from renderer.plan.plan import RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
-from renderer.shading.emission import with_pictures
+from renderer.shading.emission import with_emission_images
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
@@ -206,18 +206,18 @@ def _first_hits(
     o = scene.camera.origin
     none = np.full(d.shape[1], -1, dtype=np.int64)
     t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), none)
-    near, quadric = scene.quadrics.closest(plan.in_view, o, d)
-    curved = (
-        near < t + scene.touch
+    near, primitive = scene.analytic.closest(plan.in_view, o, d)
+    on_analytic = (
+        near < t + scene.contact_epsilon
     )  # a lamp or a mat in the plane of a triangle lies on it, whatever rounding says
-    t = np.where(curved, near, t)
-    triangle, quadric = np.where(curved, -1, triangle), np.where(curved, quadric, -1)
+    t = np.where(on_analytic, near, t)
+    triangle, primitive = np.where(on_analytic, -1, triangle), np.where(on_analytic, primitive, -1)
     shape = none if scene.triangles is None else np.where(triangle >= 0, scene.triangles.shape[triangle], -1)
-    if curved.any():
-        shape = np.where(curved, scene.quadrics.shape[quadric], shape)
-    direct = _emission(scene, d, t, shape, quadric, triangle) if plan.emits else np.zeros_like(d)
+    if on_analytic.any():
+        shape = np.where(on_analytic, scene.analytic.shape[primitive], shape)
+    direct = _emission(scene, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
     rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if scene.bounds else none[:0]
-    hit = _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle[rows], quadric[rows])
+    hit = _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle[rows], primitive[rows])
     return hit, direct, rows
 
 
@@ -226,7 +226,7 @@ def _emission(
     d: Floats,
     t: Floats,
     shape: NDArray[np.int64],
-    quadric: NDArray[np.int64],
+    primitive: NDArray[np.int64],
     triangle: NDArray[np.int64],
 ) -> Floats:
     """(3, n) radiance of lights that rays d (3, n) see from their emitting side, and of what surrounds the
@@ -240,9 +240,9 @@ def _emission(
     )
     if rows.size:
         mine, own = d.take(rows, axis=1), shape[rows]
-        p, normal = _normals(scene, scene.camera.origin + mine * t[rows], triangle[rows], quadric[rows])
+        p, normal = _normals(scene, scene.camera.origin + mine * t[rows], triangle[rows], primitive[rows])
         front = (dot(mine, normal) < 0) | scene.two_sided[own]
-        le = with_pictures(scene, scene.emission.take(own, axis=1), quadric[rows], p)
+        le = with_emission_images(scene, scene.emission.take(own, axis=1), primitive[rows], p)
         out[:, rows] = np.where(front, le, 0.0)
     if scene.lights.environment is not None:
         rows = np.flatnonzero(shape < 0)
@@ -256,30 +256,32 @@ def _surface(
     t: Floats,
     shape: NDArray[np.int64],
     triangle: NDArray[np.int64],
-    quadric: NDArray[np.int64],
+    primitive: NDArray[np.int64],
 ) -> SurfaceHit:
     """Points and normals of hits; normals on the side that the ray comes from."""
-    p, n = _normals(scene, scene.camera.origin + d * t, triangle, quadric)
+    p, n = _normals(scene, scene.camera.origin + d * t, triangle, primitive)
     n = np.where(dot(n, d) > 0, -n, n)
     # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill
     # its whole sky.
     glowing = np.flatnonzero(scene.sources.of_shape[shape] >= 0)
     if glowing.size:
-        p[:, glowing] += n.take(glowing, axis=1) * scene.touch
-    uv = np.zeros((2, 1)) if scene.coordinates is None else scene.coordinates.at(p, triangle, quadric)
-    return SurfaceHit(p, n, -d, shape, triangle, quadric, uv)
+        p[:, glowing] += n.take(glowing, axis=1) * scene.contact_epsilon
+    uv = np.zeros((2, 1)) if scene.coordinates is None else scene.coordinates.at(p, triangle, primitive)
+    return SurfaceHit(p, n, -d, shape, triangle, primitive, uv)
 
 
 def _normals(
-    scene: RenderScene, p: Floats, triangle: NDArray[np.int64], quadric: NDArray[np.int64]
+    scene: RenderScene, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Points p (3, n) moved onto their surfaces, and the geometric normals there (3, n)."""
     n = np.zeros_like(p)
     if scene.triangles is not None:
         n = scene.triangles.normal.take(np.maximum(triangle, 0), axis=1)
-    curved = np.flatnonzero(quadric >= 0)
-    if curved.size:
-        p[:, curved], n[:, curved] = scene.quadrics.surface(quadric[curved], p.take(curved, axis=1))
+    on_analytic = np.flatnonzero(primitive >= 0)
+    if on_analytic.size:
+        p[:, on_analytic], n[:, on_analytic] = scene.analytic.surface(
+            primitive[on_analytic], p.take(on_analytic, axis=1)
+        )
     return p, n
 
 

@@ -180,8 +180,8 @@ def _drawn(
 
 def _first(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
     """Distance (n,) to whatever is met first, inf for nothing."""
-    everyone = np.arange(len(scene.quadrics), dtype=np.int64)
-    t, _ = scene.quadrics.closest(everyone, hit.p, wi, hit.quadric)
+    everyone = np.arange(len(scene.analytic), dtype=np.int64)
+    t, _ = scene.analytic.closest(everyone, hit.p, wi, hit.primitive)
     if scene.triangles is None:
         return t
     return np.minimum(t, scene.triangles.closest_from(hit.p, hit.n, hit.triangle, wi)[0])

@@ -101,7 +101,7 @@ def first(scene: RenderScene, camera: Camera, x: Array, y: Array) -> tuple[Array
 
 def first_from(scene: RenderScene, origin: Array, d: Array) -> Array:
     """How far it is from origin (3, 1) along d (3, n) to what is met first, inf for nothing."""
-    t, _ = scene.quadrics.closest(np.arange(len(scene.quadrics), dtype=np.int64), origin, d)
+    t, _ = scene.analytic.closest(np.arange(len(scene.analytic), dtype=np.int64), origin, d)
     return t if scene.triangles is None else np.minimum(t, scene.triangles.closest(origin, d)[0])
 
 
@@ -225,12 +225,12 @@ def _veiled(
 
 def _shape_along(scene: RenderScene, origin: Array, d: Array) -> tuple[Array, NDArray[np.int64]]:
     """Distance (n,) to what rays from origin (3, n) along d (3, n) meet, and the shape, -1 for nothing."""
-    everyone = np.arange(len(scene.quadrics), dtype=np.int64)
-    t, quadric = scene.quadrics.closest(everyone, origin, d)
+    everyone = np.arange(len(scene.analytic), dtype=np.int64)
+    t, primitive = scene.analytic.closest(everyone, origin, d)
     shape = (
-        np.where(quadric >= 0, scene.quadrics.shape.take(quadric, mode="clip"), -1)
+        np.where(primitive >= 0, scene.analytic.shape.take(primitive, mode="clip"), -1)
         if everyone.size
-        else quadric
+        else primitive
     )
     if scene.triangles is None:
         return t, shape

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from renderer.math.vectors import Floats, dot
 
 RECTANGLE, DISK, SPHERE, TRIANGLE = 0, 1, 2, 3
-BLOCK = 8  # quadrics tested at once: bounds the (block, n) temporaries
+BLOCK = 8  # primitives tested at once: bounds the (block, n) temporaries
 
 
 @dataclass(frozen=True, eq=False)
-class Quadrics:
-    """All quadrics of a scene, told apart by `kind`; unused parameters are 0.
+class AnalyticPrimitives:
+    """All analytic primitives of a scene, told apart by `kind`; unused parameters are 0.
 
     kind: (k,) RECTANGLE, DISK, SPHERE or TRIANGLE. shape: (k,). origin: (3, k), a corner or a centre.
     x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose
@@ -45,10 +45,10 @@ class Quadrics:
     def closest(
         self, among: NDArray[np.int64], o: Floats, d: Floats, own: NDArray[np.int64] | None = None
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the quadrics `among`: t (n,), inf for none,
+        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the primitives `among`: t (n,), inf for none,
         and which (n,).
 
-        own: (n,) the quadric that each ray leaves, -1 for none, handled as in `occluded`.
+        own: (n,) the primitive that each ray leaves, -1 for none, handled as in `occluded`.
         """
         n = d.shape[1]
         best, which = np.full(n, np.inf), np.full(n, -1, dtype=np.int64)
@@ -74,11 +74,11 @@ class Quadrics:
         own: NDArray[np.int64],
         goal: NDArray[np.int64],
     ) -> NDArray[np.bool_]:
-        """(n,): whether a quadric of `among` lies on the ray between tmin and tmax, each (n,).
+        """(n,): whether a primitive of `among` lies on the ray between tmin and tmax, each (n,).
 
-        own, goal: (n,) the quadrics that the ray leaves and goes to, -1 for none. The goal never blocks; what
-        the ray leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance; tmin
-        and tmax are there for other quadrics that touch either of them.
+        own, goal: (n,) the primitives that the ray leaves and goes to, -1 for none. The goal never blocks;
+        what the ray leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance;
+        tmin and tmax are there for other primitives that touch either of them.
         """
         blocked = np.zeros(d.shape[1], dtype=np.bool_)
         for kind, block in self._blocks(among):
@@ -89,7 +89,7 @@ class Quadrics:
         return blocked
 
     def surface(self, which: NDArray[np.int64], p: Floats) -> tuple[Floats, Floats]:
-        """Points p (3, n) moved onto their quadrics, and the unit normals there (3, n)."""
+        """Points p (3, n) moved onto their primitives, and the unit normals there (3, n)."""
         origin, sphere = self.origin[:, which], self.kind[which] == SPHERE
         away = p - origin
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -131,7 +131,7 @@ class Quadrics:
     def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
         """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none.
 
-        Flat quadrics have one.
+        Flat primitives have one.
         """
         to_origin = self.origin[:, block, None] - o[:, None, :]
         d = d[:, None, :]
@@ -169,17 +169,17 @@ def _sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats,
     return np.where(miss, -np.inf, near), np.where(miss, -np.inf, far)
 
 
-def sphere(shape: int, center: Floats, radius: float, reverse: bool) -> Quadrics:
+def sphere(shape: int, center: Floats, radius: float, reverse: bool) -> AnalyticPrimitives:
     """One sphere. center: (3,)."""
     return _single(SPHERE, shape, center, radius=radius, side=-1.0 if reverse else 1.0)
 
 
-def disk(shape: int, center: Floats, normal: Floats, radius: float) -> Quadrics:
+def disk(shape: int, center: Floats, normal: Floats, radius: float) -> AnalyticPrimitives:
     """One disk. center, normal: (3,)."""
     return _single(DISK, shape, center, radius=radius, normal=normal)
 
 
-def rectangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
+def rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
     """One rectangle. corners: (4, 3) in the order p00 p10 p01 p11; one without area gets NaN, and is refused
     as a light.
     """
@@ -191,7 +191,7 @@ def rectangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
         return _single(RECTANGLE, shape, corners[0], x=ex / lx, y=ey / ly, lx=lx, ly=ly, normal=normal)
 
 
-def triangle(shape: int, corners: Floats, reverse: bool) -> Quadrics:
+def triangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
     """One triangle. corners: (3, 3), a corner a row; one without area gets NaN, and is refused as a light."""
     a, b = corners[1] - corners[0], corners[2] - corners[0]
     normal = np.cross(a, b)
@@ -213,11 +213,11 @@ def _single(
     normal: Floats | None = None,
     radius: float = 0.0,
     side: float = 1.0,
-) -> Quadrics:
+) -> AnalyticPrimitives:
     def column(v: Floats | None) -> Floats:
         return np.zeros((3, 1)) if v is None else np.asarray(v, dtype=np.float64)[:, None]
 
-    return Quadrics(
+    return AnalyticPrimitives(
         np.array([kind], dtype=np.int8),
         np.array([shape], dtype=np.int64),
         column(origin),
@@ -231,10 +231,13 @@ def _single(
     )
 
 
-def join(parts: list[Quadrics]) -> Quadrics:
-    """All quadrics of a list, in order; none are an object of length 0."""
+def join(parts: list[AnalyticPrimitives]) -> AnalyticPrimitives:
+    """All primitives of a list, in order; none are an object of length 0."""
     end = None if parts else 0
     some = parts or [_single(SPHERE, 0, np.zeros(3))]  # for the shapes of its arrays alone
-    return Quadrics(
-        *(np.concatenate([getattr(p, f.name) for p in some], axis=-1)[..., :end] for f in fields(Quadrics))
+    return AnalyticPrimitives(
+        *(
+            np.concatenate([getattr(p, f.name) for p in some], axis=-1)[..., :end]
+            for f in fields(AnalyticPrimitives)
+        )
     )

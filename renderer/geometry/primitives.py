@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.geometry.analytic import Quadrics, disk, join, rectangle, sphere, triangle
+from renderer.geometry.analytic import AnalyticPrimitives, disk, join, rectangle, sphere, triangle
 from renderer.geometry.triangles import Triangles, make_triangles
 from renderer.lights.rectangle import are_rectangles
 from renderer.math.vectors import Floats
@@ -29,13 +29,13 @@ def by_formula(shape: ShapeDescription) -> bool:
     return shape.emission is not None or not isinstance(shape.geometry, BilinearMesh)
 
 
-def all_quadrics(shapes: Sequence[ShapeDescription]) -> Quadrics:
+def analytic_primitives(shapes: Sequence[ShapeDescription]) -> AnalyticPrimitives:
     """The primitives of all shapes that are met by formula, in the order of shapes and their faces."""
     return join([one for i, s in enumerate(shapes) if by_formula(s) for one in _own(i, s)])
 
 
-def _own(i: int, s: ShapeDescription) -> list[Quadrics]:
-    """The quadrics of shape i."""
+def _own(i: int, s: ShapeDescription) -> list[AnalyticPrimitives]:
+    """The primitives of shape i."""
     g = s.geometry
     if isinstance(g, Sphere):
         return [sphere(i, g.center, g.radius, g.reverse)]

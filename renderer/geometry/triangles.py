@@ -78,7 +78,7 @@ class Triangles:
         """As `closest`, for rays wi (3, n) that leave surfaces: p, n: (3, n) points and normals, triangle:
         (n,) as in `occluded`.
         """
-        return self._first(p, self._lifted(p, n, self._own(triangle)), wi)
+        return self._first(p, self._offset(p, n, self._own(triangle)), wi)
 
     def _first(self, o: Floats, start: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """The hits of rays that start at `start` (3, n) in Embree's units, their distances from o (3, n) or
@@ -107,8 +107,8 @@ class Triangles:
         neither p's own triangle nor what touches the light from behind lies in between; what is nearer than
         that to either is not seen.
         """
-        start = self._lifted(p, n, self._own(triangle))
-        way = self._lifted(y, ny, self.largest) - start
+        start = self._offset(p, n, self._own(triangle))
+        way = self._offset(y, ny, self.largest) - start
         reach = np.ones(p.shape[1], dtype=np.float32)
         out: NDArray[np.int32] = self.bvh.run(
             start.astype(np.float32).T, way.astype(np.float32).T, dists=reach, query="OCCLUDED"
@@ -116,11 +116,11 @@ class Triangles:
         return out == 0
 
     @property
-    def lift(self) -> float:
+    def ray_offset(self) -> float:
         """How far off its surface, at most, a ray starts; world units. Slivers apart."""
         return self.largest * ROUNDINGS * ULP
 
-    def _lifted(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
+    def _offset(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
         """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of
         ulp.
         """

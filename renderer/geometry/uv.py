@@ -26,7 +26,7 @@ CLOSED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Of the t triangles and the k quadrics of a scene, in their order.
+    """Of the t triangles and the k primitives of a scene, in their order.
 
     origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and
     of_quadric: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres and disks;
@@ -36,24 +36,24 @@ class Coordinates:
     origin: Floats
     along: Floats
     of_triangle: NDArray[np.int64]
-    of_quadric: NDArray[np.int64]
+    of_primitive: NDArray[np.int64]
     frames: Floats
     center: Floats
     radius: Floats
     ball: NDArray[np.bool_]
 
-    def at(self, p: Floats, triangle: NDArray[np.int64], quadric: NDArray[np.int64]) -> Floats:
+    def at(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
         """(2, n) coordinates of points p (3, n) on their primitives."""
-        face = np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_quadric, quadric))
+        face = np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_primitive, primitive))
         out = np.zeros((2, p.shape[1]))
         rows = np.flatnonzero(face >= 0)
         if rows.size:
             mine, own = p.take(rows, axis=1), face[rows]
             for i in range(2):
                 out[i, rows] = self.origin[i, own] + dot(self.along[i].take(own, axis=1), mine)
-        rows = np.flatnonzero((triangle < 0) & (quadric >= 0) & (face < 0))
+        rows = np.flatnonzero((triangle < 0) & (primitive >= 0) & (face < 0))
         if rows.size:
-            out[:, rows] = self._round(p.take(rows, axis=1), quadric[rows])
+            out[:, rows] = self._round(p.take(rows, axis=1), primitive[rows])
         return out
 
     def _round(self, p: Floats, which: NDArray[np.int64]) -> Floats:
@@ -83,13 +83,13 @@ def coordinates(shapes: Sequence[ShapeDescription]) -> Coordinates | None:
     corners: list[Floats] = [np.zeros((0, 3, 3))]
     uv: list[Floats] = [np.zeros((0, 3, 2))]
     triangles: list[int] = []
-    quadrics: list[int] = []
+    analytic: list[int] = []
     rounds: list[Sphere | Disk | None] = []
     faces = 0
     for s in shapes:
         g = s.geometry
         if isinstance(g, Sphere | Disk):
-            quadrics.append(-1)
+            analytic.append(-1)
             rounds.append(g)
             continue
         own, own_uv = _faces(s, g, whole=by_formula(s))
@@ -97,7 +97,7 @@ def coordinates(shapes: Sequence[ShapeDescription]) -> Coordinates | None:
         uv.append(own_uv)
         numbers = range(faces, faces + len(own))
         if by_formula(s):
-            quadrics.extend(numbers)
+            analytic.extend(numbers)
             rounds.extend(None for _ in numbers)
         else:
             triangles.extend(numbers)
@@ -110,7 +110,7 @@ def coordinates(shapes: Sequence[ShapeDescription]) -> Coordinates | None:
         origin,
         along,
         np.array(triangles, dtype=np.int64),
-        np.array(quadrics, dtype=np.int64),
+        np.array(analytic, dtype=np.int64),
         frames,
         np.stack([np.zeros(3) if r is None else r.center for r in rounds] or [np.zeros(3)], axis=1),
         np.array([0.0 if r is None else r.radius for r in rounds]),

@@ -201,7 +201,7 @@ class Surface(Protocol):
         """Uniform points (3, n) on the surface and the emitting unit normals (3, n) or (3, 1) there."""
         ...
 
-    def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """Distance (n,) to the emitting side that a ray sees first (inf: none) and the cosine (n,) there."""
         ...
 
@@ -230,7 +230,7 @@ class AreaSampling:
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
         """See `DirectionSampler`."""
-        dist, cos_light = self.surface.meet(index, ref_p, wi)
+        dist, cos_light = self.surface.intersect(index, ref_p, wi)
         hit = dist < np.inf
         denominator = np.where(hit, np.abs(cos_light) * gather(self.surface.area, index), 1.0)
         return np.where(hit, np.where(hit, dist, 0.0) ** 2 / denominator, 0.0)

@@ -33,7 +33,7 @@ class Polygons(Protocol):
         """
         ...
 
-    def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """See `Surface`."""
         ...
 
@@ -76,5 +76,5 @@ class ProjectedSolidAngle:
         corner, others = self.lights.corners(index, ref_p)
         e = projected_solid_angle(corner, others, ref_n)
         cosine = dot(ref_n, wi)
-        hit = (self.lights.meet(index, ref_p, wi)[0] < np.inf) & (cosine > 0) & (e > 0)
+        hit = (self.lights.intersect(index, ref_p, wi)[0] < np.inf) & (cosine > 0) & (e > 0)
         return np.where(hit, cosine / np.where(hit, e, 1.0), 0.0)

@@ -123,7 +123,7 @@ class DiskLights:
         """See `Surface`."""
         return self.emitters.emits(index, cos_light)
 
-    def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """See `Surface`."""
         normal = gather(self.normal, index)
         d = gather(self.center, index) - origin
@@ -198,7 +198,7 @@ class DiskSolidAngle:
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
         """See `DirectionSampler`."""
         omega = solid_angle(self.lights.view(index, ref_p)[0])
-        hit = (self.lights.meet(index, ref_p, wi)[0] < np.inf) & (omega > 0)
+        hit = (self.lights.intersect(index, ref_p, wi)[0] < np.inf) & (omega > 0)
         return np.where(hit, 1.0 / np.where(hit, omega, 1.0), 0.0)
 
 

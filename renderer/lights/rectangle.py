@@ -123,7 +123,7 @@ class RectangleLights:
         """See `Surface`."""
         return self.emitters.emits(index, cos_light)
 
-    def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """See `Surface`."""
         x, y, z = self.local(index, origin)
         normal = gather(self.normal, index)
@@ -190,7 +190,7 @@ class RectangleSolidAngle:
         li = self.lights
         x0, y0, z = li.local(index, ref_p)
         omega = solid_angle(x0, x0 + gather(li.lx, index), y0, y0 + gather(li.ly, index), z)
-        hit = (li.meet(index, ref_p, wi)[0] < np.inf) & (omega > 0)
+        hit = (li.intersect(index, ref_p, wi)[0] < np.inf) & (omega > 0)
         return np.where(hit, 1.0 / np.where(hit, omega, 1.0), 0.0)
 
 

@@ -109,7 +109,7 @@ class SphereLights:
         outside = np.sqrt(dot(d, d)) > gather(self.radius, index)
         return self.emitters.emits(index, cos_light) & (outside == (cos_light * gather(self.side, index) > 0))
 
-    def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """See `Surface`. The first point met; from inside, the wall."""
         d = gather(self.center, index) - origin
         r = gather(self.radius, index)
@@ -214,7 +214,7 @@ class SphereSolidAngle:
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
         """See `DirectionSampler`."""
-        hit = self.lights.meet(index, ref_p, wi)[0] < np.inf
+        hit = self.lights.intersect(index, ref_p, wi)[0] < np.inf
         return np.where(hit, 1.0 / (2 * np.pi * self.lights.cone(index, ref_p).opening), 0.0)
 
 

@@ -111,7 +111,7 @@ class TriangleLights:
         """See `Surface`."""
         return self.emitters.emits(index, cos_light)
 
-    def meet(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
         """See `Surface`.
 
         Inside is where a direction is on the same side of the three planes through the edges.
@@ -189,7 +189,7 @@ class TriangleSolidAngle:
         """See `DirectionSampler`."""
         a, edges = self.lights.corners(index, ref_p)
         omega = solid_angle(a, edges[:, 0], edges[:, 1])
-        hit = (self.lights.meet(index, ref_p, wi)[0] < np.inf) & (omega > 0)
+        hit = (self.lights.intersect(index, ref_p, wi)[0] < np.inf) & (omega > 0)
         return np.where(hit, 1.0 / np.where(hit, omega, 1.0), 0.0)
 
 

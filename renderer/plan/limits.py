@@ -25,7 +25,7 @@ def check(scene: RenderScene, plan: RenderPlan) -> None:
     triangles = plan.shadow_triangles
     if triangles is None or not provable(scene):
         return
-    bound = MARGIN * triangles.lift
+    bound = MARGIN * triangles.ray_offset
     e = extents(scene)
     meshes = np.unique(triangles.shape)
     for source, description in enumerate(scene.sources.all):

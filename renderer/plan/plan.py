@@ -44,12 +44,13 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class RenderPlan:
-    """s shapes, q sources of light. in_view: indices of quadrics that a camera ray may meet. receivers: (s,)
-    shapes to shade.
+    """s shapes, q sources of light.
+
+    in_view: indices of analytic primitives that a camera ray may meet. receivers: (s,) shapes to shade.
 
     shadow: (s, q) pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether any
     light may dip below a receiver's horizon. emits: whether light is seen directly. shadow_triangles,
-    shadow_quadrics: the blockers. witness: told of every sample, for pictures of what an estimator does; None
+    shadow_analytic: the blockers. witness: told of every sample, for pictures of what an estimator does; None
     in every render.
     """
 
@@ -59,7 +60,7 @@ class RenderPlan:
     horizon: bool
     emits: bool
     shadow_triangles: Triangles | None
-    shadow_quadrics: NDArray[np.int64]
+    shadow_analytic: NDArray[np.int64]
     decisions: tuple[Decision, ...]
     seconds: float
     witness: Witness | None = None
@@ -87,15 +88,15 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
     )
     shades = proved.blockers if "blockers" in active else np.ones(count, dtype=np.bool_)
-    shadow_triangles, shadow_quadrics = _shadow_casters(scene, shades)
+    shadow_triangles, shadow_analytic = _shadow_casters(scene, shades)
     return RenderPlan(
-        in_view=np.flatnonzero(in_view[scene.quadrics.shape]),
+        in_view=np.flatnonzero(in_view[scene.analytic.shape]),
         receivers=proved.lit if "reach" in active else np.ones(count, dtype=np.bool_),
         shadow=proved.shadow if "occlusion" in active else np.ones_like(proved.shadow),
         horizon=proved.crosses if "horizon" in active else True,
         emits=bool(seen.any()) if "emission" in active else True,
         shadow_triangles=shadow_triangles,
-        shadow_quadrics=shadow_quadrics,
+        shadow_analytic=shadow_analytic,
         decisions=decisions,
         seconds=time.perf_counter() - start,
     )
@@ -108,16 +109,16 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
     start = time.perf_counter()
     count = len(scene.bounds)
     everyone = np.ones(count, dtype=np.bool_)
-    triangles, quadrics = _shadow_casters(scene, everyone)
+    triangles, analytic = _shadow_casters(scene, everyone)
     lights = Decision("light", False, "ambient occlusion asks only what is open, not what shines", "none")
     return RenderPlan(
-        in_view=np.arange(len(scene.quadrics)),
+        in_view=np.arange(len(scene.analytic)),
         receivers=everyone,
         shadow=np.ones((count, len(scene.sources.all)), dtype=np.bool_),
         horizon=True,
         emits=False,
         shadow_triangles=triangles,
-        shadow_quadrics=quadrics,
+        shadow_analytic=analytic,
         decisions=(lights,),
         seconds=time.perf_counter() - start,
     )
@@ -180,7 +181,7 @@ def _shadow_casters(scene: RenderScene, shades: Bools) -> tuple[Triangles | None
     if triangles is not None:
         keep = shades[triangles.shape]
         triangles = None if not keep.any() else triangles if keep.all() else triangles.only(keep)
-    return triangles, np.flatnonzero(shades[scene.quadrics.shape])
+    return triangles, np.flatnonzero(shades[scene.analytic.shape])
 
 
 def _emission(scene: RenderScene, seen: Bools) -> Decision:

@@ -12,20 +12,19 @@ from renderer.textures import bilinear
 Integers = NDArray[np.int64]
 
 
-def with_pictures(scene: RenderScene, radiance: Floats, quadric: Integers, p: Floats) -> Floats:
-    """Radiance (3, n) or (3, 1) times the images of the quadrics (n,), -1 for none, that points p (3, n) lie
-    on.
+def with_emission_images(scene: RenderScene, radiance: Floats, primitive: Integers, p: Floats) -> Floats:
+    """Radiance (3, n) or (3, 1) times the images of the primitives (n,), -1 for none, at points p (3, n).
 
     Looked up as pbrt does: bilinearly, clamped at the edges, the first row at v = 1 [pharr2023, sec. 12.4].
     """
     coordinates = scene.coordinates
-    if coordinates is None or not scene.pictures:
+    if coordinates is None or not scene.emission_images:
         return radiance
-    shape = np.where(quadric >= 0, scene.quadrics.shape[quadric], -1)
+    shape = np.where(primitive >= 0, scene.analytic.shape[primitive], -1)
     out = np.broadcast_to(radiance, p.shape).copy()
-    for own, image in scene.pictures:
+    for own, image in scene.emission_images:
         rows = np.flatnonzero(shape == own)
         if rows.size:
-            u, v = coordinates.at(p.take(rows, axis=1), np.full_like(rows, -1), quadric[rows])
+            u, v = coordinates.at(p.take(rows, axis=1), np.full_like(rows, -1), primitive[rows])
             out[:, rows] *= bilinear(image, np.stack([u, 1.0 - v]), "clamp")
     return out

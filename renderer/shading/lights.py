@@ -14,7 +14,7 @@ from renderer.build import RenderScene
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Source
 from renderer.math.vectors import Floats, dot, gather
 from renderer.records import LightSample, SurfaceHit
-from renderer.shading.emission import with_pictures
+from renderer.shading.emission import with_emission_images
 from renderer.shading.visibility import Seen
 from scenes.description.scene import SceneDescription
 
@@ -74,12 +74,13 @@ def sample_light(
     The pdf is the light's own.
     """
     sample = _sampled(scene, techniques, hit, light, u)
-    if not scene.pictures:
+    if not scene.emission_images:
         return sample
     with np.errstate(invalid="ignore"):  # rows that are not valid may hold anything
         p = hit.p + sample.wi * sample.dist
         return replace(
-            sample, radiance=with_pictures(scene, sample.radiance, scene.lights.quadric.take(light), p)
+            sample,
+            radiance=with_emission_images(scene, sample.radiance, scene.lights.primitive.take(light), p),
         )
 
 
@@ -139,30 +140,30 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
 
     The light is -1 and its distance inf where there is none; an environment is behind all else.
     """
-    everyone = scene.lights.quadric[scene.lights.quadric >= 0]
-    t, quadric = scene.quadrics.closest(everyone, hit.p, wi, hit.quadric)
+    everyone = scene.lights.primitive[scene.lights.primitive >= 0]
+    t, primitive = scene.analytic.closest(everyone, hit.p, wi, hit.primitive)
     light = (
-        np.where(quadric >= 0, scene.lights.of_quadric.take(quadric, mode="clip"), -1)
+        np.where(primitive >= 0, scene.lights.of_primitive.take(primitive, mode="clip"), -1)
         if everyone.size
-        else quadric.copy()
+        else primitive.copy()
     )
     radiance, normal = np.zeros_like(wi), -wi
-    met = np.flatnonzero(quadric >= 0)
+    met = np.flatnonzero(primitive >= 0)
     if met.size:
-        own, along = quadric[met], wi.take(met, axis=1)
-        _, normal[:, met] = scene.quadrics.surface(own, hit.p.take(met, axis=1) + along * t[met])
-    if scene.glow is not None:
-        far, triangle = scene.glow.closest_from(hit.p, hit.n, hit.triangle, wi)
+        own, along = primitive[met], wi.take(met, axis=1)
+        _, normal[:, met] = scene.analytic.surface(own, hit.p.take(met, axis=1) + along * t[met])
+    if scene.emissive_triangles is not None:
+        far, triangle = scene.emissive_triangles.closest_from(hit.p, hit.n, hit.triangle, wi)
         nearer = np.flatnonzero(far < t)
         t[nearer], light[nearer] = far[nearer], scene.lights.of_triangle[triangle[nearer]]
-        quadric[nearer] = -1
-        normal[:, nearer] = scene.glow.normal.take(triangle[nearer], axis=1)
+        primitive[nearer] = -1
+        normal[:, nearer] = scene.emissive_triangles.normal.take(triangle[nearer], axis=1)
     rows = np.flatnonzero(light >= 0)
     if rows.size:
         along = wi.take(rows, axis=1)
         le = _emitted(scene, light[rows], dot(along, normal.take(rows, axis=1)))
-        radiance[:, rows] = with_pictures(
-            scene, le, quadric[rows], hit.p.take(rows, axis=1) + along * t[rows]
+        radiance[:, rows] = with_emission_images(
+            scene, le, primitive[rows], hit.p.take(rows, axis=1) + along * t[rows]
         )
     if scene.lights.environment is not None:
         kind, own = scene.lights.environment

@@ -60,21 +60,23 @@ def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, ro
     out = np.zeros(rows.size, dtype=np.bool_)
     if plan.shadow_triangles is not None:
         out |= plan.shadow_triangles.occluded(
-            p, n, hit.triangle[rows], p + wi * np.minimum(dist, scene.far), ny
+            p, n, hit.triangle[rows], p + wi * np.minimum(dist, scene.scene_diameter), ny
         )
-    if plan.shadow_quadrics.size:
-        # What lies within `touch` of the plane of either end counts as part of it, as it does in the plan's
-        # proofs.
+    if plan.shadow_analytic.size:
+        # Within contact_epsilon of the plane of either end is part of that end, as in the plan's proofs.
         with np.errstate(divide="ignore"):
-            tmin, margin = scene.touch / np.abs(dot(wi, n)), scene.touch / np.abs(cos_light)
+            tmin, margin = (
+                scene.contact_epsilon / np.abs(dot(wi, n)),
+                scene.contact_epsilon / np.abs(cos_light),
+            )
         tmax = dist - np.where(cos_light == 0, 0.0, margin)
         light = seen.light[rows]
         goal = (
-            np.where(light >= 0, scene.lights.quadric.take(np.maximum(light, 0)), -1)
+            np.where(light >= 0, scene.lights.primitive.take(np.maximum(light, 0)), -1)
             if len(scene.lights)
             else light
         )
-        out |= scene.quadrics.occluded(plan.shadow_quadrics, p, wi, tmin, tmax, hit.quadric[rows], goal)
+        out |= scene.analytic.occluded(plan.shadow_analytic, p, wi, tmin, tmax, hit.primitive[rows], goal)
     if plan.witness is not None:
         plan.witness(hit.take(rows), wi, dist, np.ones_like(out), out)
     return out

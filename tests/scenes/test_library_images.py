@@ -138,7 +138,7 @@ def inside_the_ball(scene: RenderScene) -> np.ndarray:
     """(h, w): pixels whose four corners all see the ball."""
     y, x = np.meshgrid(np.arange(31.0), np.arange(41.0), indexing="ij")
     d = scene.camera.corner + scene.camera.du * x.ravel() + scene.camera.dv * y.ravel()
-    t, _ = scene.quadrics.closest(np.arange(1), scene.camera.origin, d / np.linalg.norm(d, axis=0))
+    t, _ = scene.analytic.closest(np.arange(1), scene.camera.origin, d / np.linalg.norm(d, axis=0))
     corner = np.isfinite(t).reshape(31, 41)
     return corner[:-1, :-1] & corner[:-1, 1:] & corner[1:, :-1] & corner[1:, 1:]
 

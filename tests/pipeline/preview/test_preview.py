@@ -41,7 +41,7 @@ def blocked(scene: RenderScene, start: Floats, end: Floats) -> np.ndarray:
     for i in range(length.size):
         o = start[i][:, None] + d[:, i : i + 1] * 1e-4
         t = np.inf if scene.triangles is None else scene.triangles.closest(o, d[:, i : i + 1])[0][0]
-        t = min(t, scene.quadrics.closest(np.arange(len(scene.quadrics)), o, d[:, i : i + 1])[0][0])
+        t = min(t, scene.analytic.closest(np.arange(len(scene.analytic)), o, d[:, i : i + 1])[0][0])
         out[i] = t < length[i] - 2e-4
     return out
 

@@ -1,11 +1,11 @@
-"""Quadrics by formula: hits, sides, and shadows next to the surface that a ray leaves."""
+"""Primitives by formula: hits, sides, and shadows next to the surface that a ray leaves."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from renderer.geometry.analytic import Quadrics, disk, join, rectangle, sphere
+from renderer.geometry.analytic import AnalyticPrimitives, disk, join, rectangle, sphere
 
 UNIT = sphere(0, np.zeros(3), 1.0, False)
 ALL = np.arange(1)
@@ -83,8 +83,8 @@ def test_the_goal_never_blocks_and_what_is_beyond_it_does_not_either():
     assert not behind.any()
 
 
-def test_no_quadrics_are_no_trouble():
-    empty: Quadrics = join([])
+def test_no_primitives_are_no_trouble():
+    empty: AnalyticPrimitives = join([])
     o, d = rays(([0, 0, -3], [0, 0, 1]))
     t, which = empty.closest(np.arange(0), o, d)
     assert t.tolist() == [np.inf] and which.tolist() == [-1]

@@ -40,7 +40,7 @@ def test_however_a_light_is_cut_it_sheds_the_same(n):
     at most 2 %.
     """
     built = build(scene([floor(), light(sheet(n), (1.0, 1.0, 1.0))]))
-    assert (built.glow is not None) == (2 * n * n > FEW) and len(built.lights) == 2 * n * n
+    assert (built.emissive_triangles is not None) == (2 * n * n > FEW) and len(built.lights) == 2 * n * n
     assert built.lights.pmf.sum() == pytest.approx(1.0)
     corners = np.array([[-1.0, 1.5, -1], [1, 1.5, -1], [1, 1.5, 1], [-1, 1.5, 1]])
     truth = polygon_irradiance(POINTS, UP, corners)[:, None] * 0.5 / np.pi
@@ -118,7 +118,7 @@ def test_the_nearer_of_two_lamps_is_the_one_that_is_met():
     for low, high in ((0.2, 5.0), (5.0, 0.2)):
         near = light(sheet(1, y=0.8), (low, low, low))
         built = build(scene([floor(), near, light(sheet(8), (high, high, high))]))
-        assert built.glow is not None
+        assert built.emissive_triangles is not None
         by_light, se = reflect(built, POINTS, UP, 0, "solid-angle", 40_000)
         for name in ("cosine", "hemisphere", "mis"):
             mean, error = reflect(built, POINTS, UP, 0, name, 40_000)

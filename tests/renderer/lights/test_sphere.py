@@ -166,7 +166,7 @@ def test_both_sides_of_the_surface_agree_on_what_is_outside() -> None:
     s = light.techniques["solid-angle"].sample_direction(at, p, out, u)
     assert not s.valid[~outside].any() and s.valid[outside].all()
     assert not light.techniques["area"].sample_direction(at, p, out, u).valid[~outside].any()
-    assert (light.meet(at, p, -out)[0][~outside] == np.inf).all()
+    assert (light.intersect(at, p, -out)[0][~outside] == np.inf).all()
     e = light.irradiance(at, p, -out)[2]
     assert (e[~outside] == 0).all()
     np.testing.assert_allclose(e[outside], np.pi, rtol=1e-14)

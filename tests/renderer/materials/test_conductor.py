@@ -192,7 +192,7 @@ def test_two_materials_in_one_scene_keep_to_their_own():
     wi = normalize(np.random.default_rng(3).normal(size=(3, 50)) + 3 * n)
     index = np.arange(50, dtype=np.int64) % 2
     one = hits(n, wo)
-    mixed = SurfaceHit(one.p, one.n, one.wo, index, one.triangle, one.quadric, one.uv)
+    mixed = SurfaceHit(one.p, one.n, one.wo, index, one.triangle, one.primitive, one.uv)
     alone = [material(*metal) for metal in metals]
     value, pdf = both.evaluate(mixed, wi), both.pdf(mixed, wi)
     for i in range(2):

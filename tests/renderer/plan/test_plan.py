@@ -128,7 +128,7 @@ def test_the_random_scenes_are_worth_the_name():
         result = render(built, spp=1)
         lit += result.reflected_sum > 0
         shaded += result.rays.shadow > 0
-        first += 0 in built.quadrics.shape[plan.shadow_quadrics]
+        first += 0 in built.analytic.shape[plan.shadow_analytic]
     assert lit > 90 and shaded > 75 and first > 30, (lit, shaded, first)
 
 
