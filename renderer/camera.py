@@ -63,20 +63,15 @@ class Camera:
 
 
 def make_camera(description: PerspectiveCamera, film: Film) -> Camera:
-    """The camera of a description; the film plane is at distance 1 and its shorter side spans 2 tan(fov /
-    2).
-    """
-    half = np.tan(np.radians(description.fov) / 2)
-    pixel = 2 * half / min(film.width, film.height)
+    """The camera of a description, its film plane at distance 1."""
+    left, top, dx, dy = description.film_plane(film)
     m = description.camera_to_world
-    linear = m[:3, :3]
-    right, up, forward = (linear[:, i : i + 1] for i in range(3))
-    corner = forward - right * (pixel * film.width / 2) + up * (pixel * film.height / 2)
+    right, up, forward = (m[:3, i : i + 1] for i in range(3))
     return Camera(
         m[:3, 3:4].copy(),
-        corner,
-        right * pixel,
-        -up * pixel,
+        forward + right * left + up * top,
+        right * dx,
+        -up * dy,
         film.width,
         film.height,
         offsets(film.pixel_filter),

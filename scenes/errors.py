@@ -49,11 +49,32 @@ class Unsupported(SceneError):
 
 
 class Report:
-    """The places of a scene that ask for what is not simulated."""
+    """The places of a scene that ask for what is not simulated.
 
-    def __init__(self) -> None:
+    strict: whether a place that a note would do for is refused as well.
+    """
+
+    def __init__(self, strict: bool = False) -> None:
         self._found: dict[str, tuple[str, Location]] = {}
         self._count = 0
+        self._strict = strict
+        self._notes: dict[str, tuple[Location, int]] = {}
+
+    def note(self, message: str, where: Location) -> None:
+        """Note a place where the image is not the one that pbrt makes, without refusing the scene."""
+        if self._strict:
+            self.add(message, where)
+            return
+        message = _one_line(message)
+        first, count = self._notes.get(message, (where, 0))
+        self._notes[message] = first, count + 1
+
+    def notes(self) -> tuple[str, ...]:
+        """One line for each kind of note, with its first place and how many more there are."""
+        return tuple(
+            f"{message} ({where}{f' and {count - 1} more' if count > 1 else ''})"
+            for message, (where, count) in self._notes.items()
+        )
 
     def add(self, message: str, where: Location) -> None:
         """Note one place; the same place with the same message counts once while it is among those listed."""

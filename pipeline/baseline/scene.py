@@ -47,10 +47,7 @@ def convert(scene: SceneDescription) -> Task:
     return Task(
         film.width,
         film.height,
-        2
-        * float(
-            np.arctan(np.tan(np.radians(scene.camera.fov) / 2) * film.height / min(film.width, film.height))
-        ),
+        scene.camera.film_plane(film),
         tuple(surface(shape, view) for shape in scene.shapes),
         tuple(lamps),
         np.sum([np.zeros(3), *(ambient(sky) for sky in skies), *domes], axis=0),
@@ -82,8 +79,8 @@ def _background(scene: SceneDescription, view: View, skies: list[Environment]) -
     image = np.zeros((h, w, 3))
     if not skies:
         return image
-    half = np.tan(np.radians(scene.camera.fov) / 2) / min(w, h)
-    x, y = (2 * np.arange(w) + 1 - w) * half, (h - 2 * np.arange(h) - 1) * half
+    left, top, dx, dy = scene.camera.film_plane(scene.film)
+    x, y = left + dx * (np.arange(w) + 0.5), top - dy * (np.arange(h) + 0.5)
     rays = np.stack([*np.broadcast_arrays(x[None, :], y[:, None], -1.0)], axis=-1) @ view.axes
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     for sky in skies:

@@ -53,12 +53,12 @@ class Task:
     """An image to rasterise. ambient: (3,), the radiance that comes from all around; background: (h, w, 3),
     what is seen where nothing is.
 
-    yfov: radians over the height. unit: the scene's units in one of the task's.
+    film: left, top, width and height of a pixel, at distance 1. unit: the scene's units in one of the task's.
     """
 
     width: int
     height: int
-    yfov: float
+    film: tuple[float, float, float, float]
     surfaces: tuple[Surface, ...]
     lamps: tuple[Lamp, ...]
     ambient: Array

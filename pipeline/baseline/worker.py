@@ -87,9 +87,9 @@ class _Canvas:
         self.renderer._main_fb, self.renderer._main_fb_ms = self._framebuffer(), self._framebuffer()
         self.renderer._main_fb_dims = self.size
         self.flags = pyrender.RenderFlags.OFFSCREEN
-        self.camera = pyrender.PerspectiveCamera(
-            task.yfov, aspectRatio=task.width / task.height, zfar=FARTHEST
-        )
+        left, top, dx, dy = task.film
+        # In pixels from the top left: the focal lengths, and where the camera looks.
+        self.camera = pyrender.IntrinsicsCamera(1 / dx, 1 / dy, -left / dx, top / dy, zfar=FARTHEST)
         self.scene = _scene(pyrender, task, self.camera)
         self.device = str(GL.glGetString(GL.GL_RENDERER), "utf-8")  # pyright: ignore[reportArgumentType]
 

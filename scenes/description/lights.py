@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,10 @@ class PointLight:
     intensity: Array
     where: Location | None = field(default=None, metadata={"content": False})
 
+    def scaled(self, factor: float) -> PointLight:
+        """The light with its radiometric amount multiplied."""
+        return replace(self, intensity=self.intensity * factor)
+
 
 @dataclass(frozen=True, eq=False)
 class SpotLight:
@@ -36,6 +40,10 @@ class SpotLight:
     falloff_start: float
     where: Location | None = field(default=None, metadata={"content": False})
 
+    def scaled(self, factor: float) -> SpotLight:
+        """The light with its radiometric amount multiplied."""
+        return replace(self, intensity=self.intensity * factor)
+
 
 @dataclass(frozen=True, eq=False)
 class DistantLight:
@@ -46,6 +54,10 @@ class DistantLight:
     wi: Array
     irradiance: Array
     where: Location | None = field(default=None, metadata={"content": False})
+
+    def scaled(self, factor: float) -> DistantLight:
+        """The light with its radiometric amount multiplied."""
+        return replace(self, irradiance=self.irradiance * factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +77,10 @@ class Environment:
     frame: Array = field(default_factory=lambda: np.eye(3))
     hemisphere: bool = False
     where: Location | None = field(default=None, metadata={"content": False})
+
+    def scaled(self, factor: float) -> Environment:
+        """The light with its radiometric amount multiplied."""
+        return replace(self, radiance=self.radiance * factor)
 
 
 Light = PointLight | SpotLight | DistantLight | Environment

@@ -22,12 +22,28 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PerspectiveCamera:
-    """camera_to_world: (4, 4) float64 from pbrt's left-handed camera space. fov: degrees over the shorter
-    side of the film.
+    """A pinhole at the origin of pbrt's left-handed camera space.
+
+    camera_to_world: (4, 4) float64, any invertible affine map. fov: degrees that two units of the screen
+    span. window: (4,) left, right, bottom and top of the film on the screen; None for the film's own shape,
+    whose shorter side reaches from -1 to 1.
     """
 
     camera_to_world: Array
     fov: float
+    window: Array | None = None
+
+    def film_plane(self, film: Film) -> tuple[float, float, float, float]:
+        """Left, top, dx, dy: the film point (x, y), in pixels, lies at (left + x dx, top - y dy, 1).
+
+        Source: [pharr2023, sec. 5.2.2].
+        """
+        half = float(np.tan(np.radians(self.fov) / 2))
+        if self.window is None:
+            pixel = 2 * half / min(film.width, film.height)
+            return -(pixel * film.width / 2), pixel * film.height / 2, pixel, pixel
+        left, right, bottom, top = (self.window * half).tolist()
+        return left, top, (right - left) / film.width, (top - bottom) / film.height
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,3 +94,9 @@ class ShapeDescription:
     material: Material
     emission: Emission | None = None
     where: Location | None = field(default=None, metadata={"content": False})
+
+    def scaled(self, factor: float) -> ShapeDescription:
+        """The shape with its emission multiplied."""
+        if self.emission is None:
+            return self
+        return replace(self, emission=replace(self.emission, radiance=self.emission.radiance * factor))

@@ -40,31 +40,40 @@ NO_INTEGRATOR = (
 
 
 def parse_file(
-    path: Path, parameters: Values | None = None, name: str | None = None, allow_outside: bool = False
+    path: Path,
+    parameters: Values | None = None,
+    name: str | None = None,
+    allow_outside: bool = False,
+    strict: bool = False,
 ) -> SceneDescription:
     """Read a .pbrt file; SceneError or PenumbraError for whatever is wrong with it.
 
     parameters: values for the template's `$name`s. name: of the scene, by default the file's without
-    extension. allow_outside: whether files that the scene names may lie outside its own folder.
+    extension. allow_outside: whether files that the scene names may lie outside its own folder. strict:
+    whether a scene is refused whose image would not be the one that pbrt makes.
     """
-    return parse_source(read_source(path), parameters, name or path.stem, allow_outside)
+    return parse_source(read_source(path), parameters, name or path.stem, allow_outside, strict)
 
 
 def parse(
-    text: str | bytes, parameters: Values | None = None, file: str = "<text>", allow_outside: bool = False
+    text: str | bytes,
+    parameters: Values | None = None,
+    file: str = "<text>",
+    allow_outside: bool = False,
+    strict: bool = False,
 ) -> SceneDescription:
     """Parse scene text; the files that it names are relative to the working directory."""
     source = Source(file, decode(text, file) if isinstance(text, bytes) else text)
-    return parse_source(source, parameters, Path(file).stem, allow_outside)
+    return parse_source(source, parameters, Path(file).stem, allow_outside, strict)
 
 
 def parse_source(
-    source: Source, parameters: Values | None, name: str, allow_outside: bool = False
+    source: Source, parameters: Values | None, name: str, allow_outside: bool = False, strict: bool = False
 ) -> SceneDescription:
     """Parse a text that has been read."""
     header = read_header(source)
     bindings = Bindings(header, parameters or {})
-    reader = Reader(source, header, bindings, Files(source.folder or Path(), allow_outside))
+    reader = Reader(source, header, bindings, Files(source.folder or Path(), allow_outside), strict)
     try:
         reader.run()
         with np.errstate(all="ignore"):
@@ -80,11 +89,15 @@ def parse_source(
 def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float], ...]) -> SceneDescription:
     """What was read as a description; SceneError listing all that it asks for and is not supported."""
     report = builder.report
+    ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures
     lights = added_up(builder.lights, report)
     check_delta(builder)
     placed = [*builder.shapes, *written_out(builder.uses, builder.objects, report)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
+    if ratio != 1:
+        lights = tuple(light.scaled(ratio) for light in lights)
+        shapes = tuple(shape.scaled(ratio) for shape in shapes)
     return SceneDescription(
         name,
         builder.camera,
@@ -94,7 +107,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
         builder.occlusion_distance,
         builder.defaults,
         parameters,
-        () if builder.has_integrator else (NO_INTEGRATOR,),
+        (*(() if builder.has_integrator else (NO_INTEGRATOR,)), *report.notes()),
     )
 
 

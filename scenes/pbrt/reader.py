@@ -8,10 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from scenes.errors import SceneError, Unsupported
+from scenes.errors import Report, SceneError, Unsupported
 from scenes.files import Files
 from scenes.pbrt.blocks import Blocks
-from scenes.pbrt.directives.camera import check_window
+from scenes.pbrt.directives.camera import framed
 from scenes.pbrt.directives.integrator import option
 from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
 from scenes.pbrt.directives.textures import declare, texture
@@ -30,8 +30,10 @@ class Reader:
     What is not supported goes to the builder's report, and reading goes on.
     """
 
-    def __init__(self, source: Source, header: Header, bindings: Bindings, files: Files) -> None:
-        self.builder = Builder()
+    def __init__(
+        self, source: Source, header: Header, bindings: Bindings, files: Files, strict: bool = False
+    ) -> None:
+        self.builder = Builder(report=Report(strict))
         self._problem: SceneError | None = (
             None  # the first one of values; reading goes on for what else is not supported
         )
@@ -150,7 +152,7 @@ class Reader:
     def _world_begin(self, token: Token) -> None:
         if self.builder.in_world:
             raise SceneError("WorldBegin is given twice", token.where)
-        check_window(self.builder)
+        self.builder.camera = framed(self.builder)
         self.builder.in_world = True
         self.builder.state = replace(self.builder.state, transform=identity())
         self.builder.systems["world"] = identity()

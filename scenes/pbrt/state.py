@@ -112,14 +112,19 @@ class Builder:
     """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name.
     texels: of all images.
 
-    without_lights: where `Integrator` says that lights are not to be sampled.
+    without_lights: where `Integrator` says that lights are not to be sampled. full_size: of the film before
+    its crop, x0, x1, y0, y1 in pixels. exposure: seconds that the shutter is open.
     """
 
     report: Report = field(default_factory=Report)
     state: GraphicsState = field(default_factory=GraphicsState)
     in_world: bool = False
     camera: PerspectiveCamera = field(default_factory=lambda: PerspectiveCamera(np.eye(4), 90.0))
-    screen_window: tuple[Array, Location] | None = None
+    screen_window: Array | None = None
+    full_size: tuple[int, int] = (1280, 720)
+    crop: tuple[int, int, int, int] | None = None
+    exposure: float = 1.0
+    iso: float = 100.0
     film: Film = field(default_factory=lambda: Film(1280, 720, "", UNSAID))
     defaults: RenderDefaults = field(default_factory=RenderDefaults)
     occlusion_distance: float = np.inf

@@ -85,12 +85,10 @@ class FilmPlane:
 
 
 def film_plane(camera: PerspectiveCamera, film: Film) -> FilmPlane:
-    """The film plane at z = 1; the shorter side of the image spans the camera's fov [pharr2023, section
-    5.2.2].
-    """
-    pixel = 2 * np.tan(np.radians(camera.fov) / 2) / min(film.width, film.height)
-    x = pixel * (np.arange(film.width + 1) - film.width / 2)
-    y = pixel * (film.height / 2 - np.arange(film.height + 1))
+    """The film plane at z = 1."""
+    left, top, dx, dy = camera.film_plane(film)
+    x: Array = left + dx * np.arange(film.width + 1, dtype=np.float64)
+    y: Array = top - dy * np.arange(film.height + 1, dtype=np.float64)
     to_world = np.array(camera.camera_to_world[:3, :3])
     return FilmPlane(
         np.array(camera.camera_to_world[:3, 3]), to_world, np.linalg.inv(to_world).astype(np.float64), x, y

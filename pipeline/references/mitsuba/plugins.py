@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None) -> None:
+def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None, film: Array | None = None) -> None:
     """Make the plugins known to the variant that is set. pixel_filter: offsets in x and in y as in
     MitsubaScene.
     """
     conductor = _conductor(mi, dr)  # classes cannot be written before a variant is set
     mi.register_bsdf("penumbra_conductor", lambda props: conductor(props))
     if pixel_filter is not None:
-        filtered = _filtered(mi, dr, pixel_filter)
+        filtered = _filtered(mi, dr, pixel_filter, film)
         mi.register_sensor("penumbra_filtered", lambda props: filtered(props))
 
 
@@ -99,7 +99,7 @@ def _offset(mi: Any, dr: Any, table: Any, steps: int, u: Any) -> Any:
     return low + (high - low) * (at - i)
 
 
-def _filtered(mi: Any, dr: Any, pixel_filter: tuple[Array, Array]) -> Any:
+def _filtered(mi: Any, dr: Any, pixel_filter: tuple[Array, Array], film: Array | None) -> Any:
     jit = dr.is_jit_v(mi.Float)
     tables = [
         mi.Float(np.asarray(table, dtype=np.float32)) if jit else table.tolist() for table in pixel_filter
@@ -122,8 +122,11 @@ def _filtered(mi: Any, dr: Any, pixel_filter: tuple[Array, Array]) -> Any:
             x, y = (
                 _offset(mi, dr, table, steps, part) for table, part in zip(tables, (u.x, u.y), strict=True)
             )
-            at = pixel + 0.5 + mi.Point2f(x, y)
-            return self.camera.sample_ray_differential(time, sample1, at / size, sample3, active)
+            at = (pixel + 0.5 + mi.Point2f(x, y)) / size
+            if film is not None:
+                s, t, depth = (row[0] * at.x + row[1] * at.y + row[2] for row in film.tolist())
+                at = mi.Point2f(s / depth, t / depth)
+            return self.camera.sample_ray_differential(time, sample1, at, sample3, active)
 
         def sample_ray(self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True) -> Any:
             return self.sample_ray_differential(time, sample1, sample2, sample3, active)

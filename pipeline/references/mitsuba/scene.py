@@ -22,7 +22,7 @@ from pipeline.references.mitsuba.lights import lights
 from pipeline.references.mitsuba.shapes import Frame, corners, shapes
 from pipeline.references.mitsuba.worker import MitsubaScene
 from scenes.description.lights import Light, PointLight, SpotLight
-from scenes.description.scene import PerspectiveCamera, SceneDescription
+from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
 from scenes.description.shapes import Array
 from scenes.errors import SceneError
 
@@ -31,6 +31,7 @@ from scenes.errors import SceneError
 FEATURE = 64.0
 # But no coordinate beyond this: fourth powers of distances must stay far inside float32's range.
 FARTHEST = 2.0**23
+BOX = (np.array([-0.5, 0.5]), np.array([-0.5, 0.5]))  # the box of one pixel, as `film.offsets` has filters
 
 
 def normalising_frame(scene: SceneDescription) -> Frame:
@@ -71,7 +72,7 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     there.
     """
     frame = normalising_frame(scene)
-    camera = _camera(scene.camera, frame)
+    camera, fov, film = _camera(scene.camera, scene.film, frame)
     distances = [
         float(np.linalg.norm(frame.points(corners(shape.geometry)) - camera[:3, 3], axis=1).max())
         for shape in scene.shapes
@@ -80,7 +81,7 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     emitters, notes = lights(scene.lights, frame)
     return MitsubaScene(
         camera_to_world=camera,
-        fov=scene.camera.fov,
+        fov=fov,
         clip=(
             1e-9 * farthest,
             4.0 * farthest,
@@ -88,21 +89,46 @@ def convert(scene: SceneDescription) -> MitsubaScene:
         width=scene.film.width,
         height=scene.film.height,
         objects=(*(one for shape in scene.shapes for one in shapes(shape, frame)), *emitters),
-        filter=offsets(scene.film),
+        pixel=min(scene.camera.film_plane(scene.film)[2:]),
+        filter=offsets(scene.film) or (None if film is None else BOX),
+        film=film,
         notes=notes,
     )
 
 
-def _camera(camera: PerspectiveCamera, frame: Frame) -> Array:
-    """pbrt's camera, mirrored in x and without its scale, which only stretches its rays."""
+def _camera(camera: PerspectiveCamera, film: Film, frame: Frame) -> tuple[Array, float, Array | None]:
+    """pbrt's camera as Mitsuba's: camera to world, mirrored in x; fov; and the map of the film to Mitsuba's.
+
+    Mitsuba's camera is rigid and looks along the middle of its film. The map is None where pbrt's does so
+    too; a scale of pbrt's only stretches its rays. SceneError where the film reaches behind that camera.
+    """
     axes = camera.camera_to_world[:3, :3]
     lengths = np.linalg.norm(axes, axis=0)
     gram = (axes / lengths).T @ (axes / lengths)
-    if np.ptp(lengths) > 1e-6 * lengths.max() or np.abs(gram - np.eye(3)).max() > 1e-6:
-        raise SceneError(
-            "the camera's transformation has shear or unequal scale, which Mitsuba's camera cannot have"
-        )
+    rigid = np.ptp(lengths) <= 1e-6 * lengths.max() and np.abs(gram - np.eye(3)).max() <= 1e-6
     result = np.eye(4)
-    result[:3, :3] = axes / lengths * (-1.0, 1.0, 1.0)
     result[:3, 3] = frame.points(camera.camera_to_world[:3, 3])
-    return result
+    if rigid and camera.window is None:
+        result[:3, :3] = axes / lengths * (-1.0, 1.0, 1.0)
+        return result, camera.fov, None
+    left, top, dx, dy = camera.film_plane(film)
+    to_world = axes @ np.array([[dx * film.width, 0.0, left], [0.0, -dy * film.height, top], [0.0, 0.0, 1.0]])
+    own = _basis(to_world @ (0.5, 0.5, 1.0), to_world[:, 0])
+    result[:3, :3] = own * (-1.0, 1.0, 1.0)
+    seen = own.T @ to_world  # (3, 3): film points to right, up and ahead of Mitsuba's camera
+    corners = seen @ np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])
+    if not np.all(corners[2] > 0):
+        raise SceneError("the camera's film reaches behind it, which Mitsuba's camera cannot show")
+    side = np.array([film.width, film.height]) / min(film.width, film.height)
+    half = float((np.abs(corners[:2] / corners[2]) / side[:, None]).max())
+    x, y = seen[0] / (half * side[0]), seen[1] / (half * side[1])
+    unit_film = np.stack([(seen[2] + x) / 2, (seen[2] - y) / 2, seen[2]])
+    return result, float(np.degrees(2 * np.arctan(half))), unit_film
+
+
+def _basis(forward: Array, across: Array) -> Array:
+    """Right, up and forward as orthonormal columns (3, 3); `across` (3,) has no part along up."""
+    forward = forward / np.linalg.norm(forward)
+    right = across - forward * (across @ forward)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(forward, right), forward], axis=1)

@@ -53,7 +53,9 @@ class MitsubaScene:
     the shorter side.
 
     filter: the pixel filter in x and in y, each as its offsets from the pixel's middle at equal steps of
-    probability, or None for the box of one pixel. notes: what a reader of the reference should know, by name.
+    probability, or None for the box of one pixel. film: (3, 3), from homogeneous film points in [0, 1]^2 to
+    those of the camera of this fov, or None where they are the same. pixel: its width at distance 1. notes:
+    what a reader of the reference should know, by name.
     """
 
     camera_to_world: Array
@@ -62,7 +64,9 @@ class MitsubaScene:
     width: int
     height: int
     objects: tuple[Plugin, ...]
+    pixel: float
     filter: tuple[Array, Array] | None = None
+    film: Array | None = None
     notes: dict[str, str] = field(default_factory=dict)
 
 
@@ -92,7 +96,7 @@ def main(folder: Path) -> None:
     task: Task = pickle.loads((folder / TASK).read_bytes())
     mi.set_variant(task.variant)
     mi.set_log_level(mi.LogLevel.Error)
-    register(mi, dr, task.scene.filter)
+    register(mi, dr, task.scene.filter, task.scene.film)
     scene = _build(mi, task)
     print(LIFT, _lift(mi, scene, task.scene), flush=True)
     _render(mi, scene, task, folder)
@@ -114,8 +118,7 @@ def _lift(mi: Any, scene: Any, task: MitsubaScene) -> float:
         np.array(mi.render(scene, integrator=integrator, spp=1), dtype=np.float64), -1, 0
     )
     lift = RAY_LIFT * (1.0 + np.abs([x, y, z]).max(axis=0))
-    pixel = depth * 2 * np.tan(np.radians(task.fov) / 2) / min(task.width, task.height)
-    return float(np.max(lift[depth > 0] / pixel[depth > 0], initial=0.0))
+    return float(np.max(lift[depth > 0] / (depth * task.pixel)[depth > 0], initial=0.0))
 
 
 def _build(mi: Any, task: Task) -> mi.Scene:

@@ -108,6 +108,11 @@ def _filter(film: Film) -> tuple[list[str], list[str]]:
 
 
 def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
+    if scene.film is not None:
+        raise PenumbraError(
+            "Mitsuba's own camera has square pixels about the middle of its film: a screenwindow, a crop or "
+            "a camera that stretches space cannot be exported"
+        )
     film = [*_value("width", scene.width), *_value("height", scene.height), *_value("pixel_format", "rgb")]
     film += [*_value("component_format", "float32"), *rfilter]
     inside = [

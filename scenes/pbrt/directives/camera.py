@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.scene import Film, PerspectiveCamera, PixelFilter
-from scenes.errors import Location, Unsupported
+from scenes.errors import Unsupported
 from scenes.pbrt.state import FILTERS, Builder, must_be, refuse_kind
 from scenes.pbrt.text.parameters import SRGB, Parameters
 from scenes.pbrt.transforms import rigid
@@ -15,12 +17,20 @@ FILM_LIMIT = 65_535
 SAME_WINDOW = 1e-4  # relative; files write 1.7778 for 16 / 9
 RADIUS_LIMIT = 16.0  # pixels
 SENSOR_LIMIT = 1e6  # pbrt's own, on what a pixel's sample may be
+# pbrt's measured sensors; "cie1931" integrates against the observer's matching functions.
+SENSORS = (
+    "cie1931", "canon_eos_100d", "canon_eos_1dx_mkii", "canon_eos_200d", "canon_eos_200d_mkii",
+    "canon_eos_5d", "canon_eos_5d_mkii", "canon_eos_5d_mkiii", "canon_eos_5d_mkiv", "canon_eos_5ds",
+    "canon_eos_m", "hasselblad_l1d_20c", "nikon_d810", "nikon_d850", "sony_ilce_6400", "sony_ilce_7m3",
+    "sony_ilce_7rm3",
+    "sony_ilce_9",
+)  # fmt: skip
 
 Array = NDArray[np.float64]
 
 
 def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Camera "perspective"`, a pinhole; the transformation may mirror but not stretch."""
+    """`Camera "perspective"`: a pinhole under any invertible transformation."""
     builder.systems["camera"] = builder.state.transform.inverted()
     builder.camera = PerspectiveCamera(np.eye(4), 90.0)  # holds while the rest of a refused scene is read
     refuse_kind(kind, "perspective", parameters)
@@ -29,61 +39,58 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
         raise parameters.fail("fov", f"fov is an angle between 0 and 180 degrees, not {fov:g}")
     must_be(parameters, "lensradius", parameters.number("lensradius", 0.0), 0.0, "the camera is a pinhole")
     parameters.number("focaldistance", 1e6)  # of no effect without a lens
-    shutter = parameters.number("shutterclose", 1.0) - parameters.number("shutteropen", 0.0)
-    must_be(
-        parameters,
-        "shutterclose",
-        shutter,
-        1.0,
-        "pbrt exposes by it, and only from 0 to 1 is the image linear radiance",
-    )
+    builder.exposure = parameters.number("shutterclose", 1.0) - parameters.number("shutteropen", 0.0)
+    if not builder.exposure > 0:
+        raise parameters.fail("shutterclose", f"the shutter is open for {builder.exposure:g}, not above 0")
     builder.screen_window = _window(parameters)
     to_world = rigid(builder.state.transform)
-    if to_world is None:
-        raise Unsupported(
-            "the camera's transformation stretches or shears space; that is not supported", parameters.where
-        )
-    builder.camera = PerspectiveCamera(to_world, fov)
+    builder.camera = PerspectiveCamera(builder.state.transform.inverse if to_world is None else to_world, fov)
 
 
-def _window(parameters: Parameters) -> tuple[Array, Location] | None:
-    """The part of the screen that the film shows, as `screenwindow` gives it or else `frameaspectratio`; None
-    if neither does.
+def _window(parameters: Parameters) -> Array | None:
+    """The part of the screen that the film shows, (4,) left, right, bottom and top.
+
+    `screenwindow` gives it, else `frameaspectratio`; None where neither does. pbrt sorts its ends.
     """
     frame, window = parameters.number("frameaspectratio", 1.0), parameters.numbers("screenwindow")
     if not frame > 0:
         raise parameters.fail("frameaspectratio", f"frameaspectratio must be positive, not {frame:g}")
     if window is None:
         x, y = max(frame, 1.0), max(1 / frame, 1.0)
-        given = parameters.given("frameaspectratio")
-        return (np.array([-x, x, -y, y]), parameters.located("frameaspectratio")) if given else None
+        return np.array([-x, x, -y, y]) if parameters.given("frameaspectratio") else None
     if len(window) != 4:
         raise parameters.fail("screenwindow", f"screenwindow is four numbers, not {len(window)}")
-    return window, parameters.located("screenwindow")
-
-
-def check_window(builder: Builder) -> None:
-    """Report a window of the screen that is not what the film's shape gives: the shorter side from -1 to
-    1.
-    """
-    if builder.screen_window is None:
-        return
-    window, where = builder.screen_window
-    short = min(builder.film.width, builder.film.height)
-    x, y = builder.film.width / short, builder.film.height / short
-    if np.abs(window - np.array([-x, x, -y, y])).max() > SAME_WINDOW * max(x, y):
-        builder.report.add(
-            (
-                f"frameaspectratio and screenwindow are not supported but for the film's own, {x / y:g} and "
-                f"{-x:g} {x:g} {-y:g} {y:g}"
-            ),
-            where,
+    if window[0] == window[1] or window[2] == window[3]:
+        raise parameters.fail(
+            "screenwindow", "screenwindow has no area: its ends are left, right, bottom, top"
         )
+    return np.sort(window.reshape(2, 2), axis=1).ravel()
+
+
+def framed(builder: Builder) -> PerspectiveCamera:
+    """The camera with the window that the film's crop shows.
+
+    The window is None where it is the film's own: the shorter side from -1 to 1.
+    """
+    film, crop, window = builder.film, builder.crop, builder.screen_window
+    width, height = (film.width, film.height) if crop is None else builder.full_size
+    own = np.array([-width, width, -height, height]) / min(width, height)
+    if window is not None and np.abs(window - own).max() <= SAME_WINDOW * np.abs(own).max():
+        window = None
+    if crop is None:
+        return replace(builder.camera, window=window)
+    left, right, bottom, top = own if window is None else window
+    dx, dy = (right - left) / width, (top - bottom) / height
+    x0, x1, y0, y1 = crop
+    return replace(
+        builder.camera,
+        window=np.array([left + x0 * dx, left + x1 * dx, top - y1 * dy, top - y0 * dy]),
+    )
 
 
 def film(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Film "rgb"` with the sensor at pbrt's defaults, where an image is linear radiance."""
-    refuse_kind(kind, "rgb", parameters)
+    """`Film`: its size, its crop, and the imaging ratio of its sensor; an image is linear sRGB."""
+    refuse_kind(kind, "rgb gbuffer spectral", parameters)
     if builder.state.space != SRGB:
         problem = f'Film in ColorSpace "{builder.state.space}" is not supported: images are linear sRGB'
         builder.report.add(f"{problem}; put ColorSpace behind Film", parameters.where)
@@ -93,32 +100,67 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     for name, value in zip(("xresolution", "yresolution"), size, strict=True):
         if not 1 <= value <= FILM_LIMIT:
             raise parameters.fail(name, f"{name} must be between 1 and {FILM_LIMIT} pixels, not {value}")
-    radiance = "only there is the image linear radiance"
-    must_be(parameters, "sensor", parameters.text("sensor", "cie1931"), "cie1931", radiance)
-    must_be(parameters, "iso", parameters.number("iso", 100.0), 100.0, radiance)
-    must_be(parameters, "exposuretime", parameters.number("exposuretime", 1.0), 1.0, radiance)
-    must_be(parameters, "whitebalance", parameters.number("whitebalance", 0.0), 0.0, radiance)
-    if parameters.number("maxcomponentvalue", SENSOR_LIMIT) < SENSOR_LIMIT:
-        parameters.unsupported(
-            "maxcomponentvalue",
-            f"maxcomponentvalue below {SENSOR_LIMIT:g} is not supported: no sample is clamped",
-        )
-    _whole_film(parameters, size)
+    _sensor(builder, parameters)
+    builder.full_size = (size[0], size[1])
+    builder.crop = _crop(parameters, size)
+    x0, x1, y0, y1 = builder.crop or (0, size[0], 0, size[1])
     parameters.flag("savefp16", True)  # how pbrt stores its file; images here are float32
     parameters.number("diagonal", 35.0)  # of no effect on a pinhole
-    builder.film = Film(size[0], size[1], parameters.text("filename", ""), builder.film.pixel_filter)
+    if kind != "rgb":
+        parameters.ignore()  # what pbrt stores beside the image
+    builder.film = Film(x1 - x0, y1 - y0, parameters.text("filename", ""), builder.film.pixel_filter)
 
 
-def _whole_film(parameters: Parameters, size: list[int]) -> None:
-    """Report a crop; pbrt's two ways of writing one are the part of the film in [0, 1] and in pixels."""
+def _sensor(builder: Builder, parameters: Parameters) -> None:
+    """The ISO value; notes on a sensor, a white balance and a limit that would change colours or clamp."""
+    must_be(
+        parameters, "exposuretime", parameters.number("exposuretime", 1.0), 1.0, "the shutter's times expose"
+    )
+    builder.iso = parameters.number("iso", 100.0)
+    if not builder.iso > 0:
+        raise parameters.fail("iso", f"iso must be positive, not {builder.iso:g}")
+    sensor = parameters.text("sensor", "cie1931")
+    if sensor not in SENSORS:
+        allowed = ", ".join(f'"{name}"' for name in SENSORS)
+        raise parameters.fail("sensor", f"no sensor is called {sensor!r}; there are: {allowed}")
+    if sensor != "cie1931":
+        builder.report.note(
+            f'the sensor "{sensor}" is taken for "cie1931": its colours differ, its imaging ratio holds',
+            parameters.located("sensor"),
+        )
+    if parameters.number("whitebalance", 0.0) != 0:
+        builder.report.note(
+            "whitebalance is left out: colours are those of the scene", parameters.located("whitebalance")
+        )
+    limit = parameters.number("maxcomponentvalue", SENSOR_LIMIT)
+    if limit < SENSOR_LIMIT:
+        builder.report.note(
+            f"no sample is clamped to maxcomponentvalue, {limit:g}: clamping would bias the image",
+            parameters.located("maxcomponentvalue"),
+        )
+
+
+def _crop(parameters: Parameters, size: list[int]) -> tuple[int, int, int, int] | None:
+    """The pixels x0, x1, y0, y1 that are rendered, ends excluded; None where it is all of them.
+
+    pbrt rounds the share of the film that `cropwindow` gives upwards, in float32; it overrules `pixelbounds`.
+    """
     window, bounds = parameters.numbers("cropwindow"), parameters.integers("pixelbounds")
     for name, values in (("cropwindow", window), ("pixelbounds", None if bounds is None else bounds[0])):
         if values is not None and len(values) != 4:
             raise parameters.fail(name, f"{name} is four numbers, not {len(values)}")
-    if window is not None and np.sort(window.reshape(2, 2)).tolist() != [[0, 1], [0, 1]]:
-        parameters.unsupported("cropwindow", "cropwindow is not supported: the whole film is rendered")
-    if bounds is not None and bounds[0].tolist() != [0, size[0], 0, size[1]]:
-        parameters.unsupported("pixelbounds", "pixelbounds is not supported: the whole film is rendered")
+    name, ends = "pixelbounds", np.array([[0, size[0]], [0, size[1]]], dtype=np.int64)
+    if bounds is not None:
+        given = np.sort(bounds[0].reshape(2, 2), axis=1)
+        ends = np.stack([np.maximum(given[:, 0], 0), np.minimum(given[:, 1], size)], axis=1)
+    if window is not None:
+        name = "cropwindow"
+        share = np.sort(np.clip(window, 0.0, 1.0).astype(np.float32).reshape(2, 2), axis=1)
+        ends = np.ceil(share * np.array(size, dtype=np.float32)[:, None]).astype(np.int64)
+    if np.any(ends[:, 0] >= ends[:, 1]):
+        raise parameters.fail(name, f"{name} leaves no pixel of {size[0]} x {size[1]}")
+    (x0, x1), (y0, y1) = ends.tolist()
+    return None if (x0, x1, y0, y1) == (0, size[0], 0, size[1]) else (x0, x1, y0, y1)
 
 
 def pixel_filter(builder: Builder, kind: str, parameters: Parameters) -> None:

@@ -24,6 +24,11 @@ SAMPLERS = {
     "pmj02bn": "sobol",
 }
 SPP_LIMIT = 2**24
+PATHS = ("path", "simplepath", "volpath")
+# Integrators of which the direct component alone is rendered, pbrt-v3's `directlighting` among them.
+TRANSPORT = (
+    "simplevolpath", "randomwalk", "lightpath", "bdpt", "mlt", "sppm", "directlighting",
+)  # fmt: skip
 # Options that change no image of ours, and those that would if they were true.
 HARMLESS = (
     "disabletexturefiltering", "disablewavelengthjitter", "displacementedgescale", "pixelstats", "rendercoordsys", "seed", "wavefront",  # noqa: E501
@@ -73,21 +78,31 @@ def _strata(parameters: Parameters) -> int:
 
 
 def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Integrator`: pbrt's path tracers to depth 1, which is direct light and visible emission, or ambient
-    occlusion.
+    """`Integrator`: the direct component of whatever light transport it names, or ambient occlusion.
+
+    Direct light and visible emission are pbrt's path tracers at depth 1.
     """
     builder.has_integrator = True
     if kind == "ambientocclusion":
         _ambient_occlusion(builder, parameters)
         return
-    refuse_kind(kind, "path simplepath volpath ambientocclusion", parameters)
-    depth = parameters.integer("maxdepth", 5)
-    if depth != 1:
-        given = "" if parameters.given("maxdepth") else " (pbrt's default)"
-        parameters.unsupported(
-            "maxdepth", f'maxdepth is {depth}{given}: only direct light, "integer maxdepth" [ 1 ]'
-        )
+    refuse_kind(kind, " ".join([*PATHS, *TRANSPORT, "ambientocclusion"]), parameters)
     builder.occlusion_distance, builder.without_lights = np.inf, None
+    builder.defaults = replace(builder.defaults, estimator=None)
+    if kind in TRANSPORT:
+        parameters.ignore()
+        problem = f'Integrator "{kind}": this is the direct component; pbrt follows light further'
+        builder.report.note(problem, parameters.where)
+        return
+    depth = parameters.integer("maxdepth", 5)
+    if depth < 1:
+        parameters.unsupported(
+            "maxdepth", f"maxdepth is {depth}: pbrt shows emission alone, without any light"
+        )
+    elif depth > 1:
+        given = "" if parameters.given("maxdepth") else " (pbrt's default)"
+        problem = f"maxdepth is {depth}{given}: this is the direct component, as with maxdepth 1"
+        builder.report.note(problem, parameters.located("maxdepth"))
     if kind == "simplepath":
         lights, brdf = parameters.flag("samplelights", True), parameters.flag("samplebsdf", True)
         chosen = None if lights else "bsdf" if brdf else "hemisphere"
@@ -95,9 +110,8 @@ def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
         if not lights:
             builder.without_lights = parameters.located("samplelights")
         return
-    builder.defaults = replace(builder.defaults, estimator=None)
     parameters.text("lightsampler", "bvh")  # which light a sample goes to is the estimator's affair here
-    must_be(parameters, "regularize", parameters.flag("regularize", False), False, "no roughness is changed")
+    parameters.flag("regularize", False)  # pbrt regularizes behind the first bounce only
 
 
 def check_delta(builder: Builder) -> None:

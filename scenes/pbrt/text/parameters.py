@@ -72,7 +72,9 @@ class Parameters:
         self._given: dict[str, Parameter] = {}
         for item in items:
             if item.name in self._given:
-                raise SceneError(f"{item} is given twice to {owner}", item.where)
+                report.note(
+                    f'"{item.name}" is given twice to {owner}: the last one holds, as in pbrt', item.where
+                )
             self._given[item.name] = item
         self._unread = dict(self._given)
         self._defaults = [item for item in defaults if item.name not in self._given]

@@ -20,7 +20,7 @@ from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, Sc
 from scenes.description.shapes import Array, Disk, Geometry, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light, scaled_image
-from scenes.pbrt.write.text import block, check_orthonormal, comment, matrix, numbers, quoted, rotation
+from scenes.pbrt.write.text import block, comment, is_orthonormal, matrix, numbers, quoted, rotation
 
 AMBIENT = "ambient-occlusion"
 SIMPLE_PATH = {
@@ -105,11 +105,12 @@ def _is_ours(light: Environment) -> bool:
 
 def _camera(camera: PerspectiveCamera) -> list[str]:
     axes = camera.camera_to_world[:3, :3]
-    check_orthonormal(axes, "the camera's")
+    to_camera = axes.T if is_orthonormal(axes) else np.linalg.inv(axes).astype(np.float64)
+    shown = "" if camera.window is None else f' "float screenwindow" [ {numbers(camera.window)} ]'
     return [
-        matrix("Transform", axes.T),
+        matrix("Transform", to_camera),
         f"Translate {numbers(-camera.camera_to_world[:3, 3])}",
-        f'Camera "perspective" "float fov" [ {camera.fov!r} ]',
+        f'Camera "perspective" "float fov" [ {camera.fov!r} ]{shown}',
     ]
 
 

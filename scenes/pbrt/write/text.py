@@ -53,9 +53,14 @@ def rotation(linear: Array, what: str) -> str:
     return matrix("ConcatTransform", linear)
 
 
+def is_orthonormal(linear: Array) -> bool:
+    """Whether columns (3, 3) are orthonormal up to rounding."""
+    return bool(np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING)
+
+
 def check_orthonormal(linear: Array, what: str) -> None:
     """PenumbraError unless the columns are orthonormal up to rounding, as those of every scene file are
     made.
     """
-    if np.abs(linear.T @ linear - np.eye(3)).max() > ROUNDING:
+    if not is_orthonormal(linear):
         raise PenumbraError(f"{what} axes are not orthonormal: there is no exact pbrt text for them")

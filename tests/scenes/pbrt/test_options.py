@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import astuple
 
 import numpy as np
 import pytest
 
-from scenes.description.scene import PixelFilter
+from scenes.description.scene import PixelFilter, SceneDescription
+from scenes.errors import SceneError
 from scenes.pbrt.parser import parse
 from tests.kit.scene_texts import HEAD, fails
 
@@ -132,26 +134,24 @@ def test_defaults_are_no_part_of_the_content() -> None:
         ('Camera "perspective" "float fov" 180', 22, ("180",)),
         ('Camera "perspective" "float fov" 0', 22, ("0",)),
         ('Camera "perspective" "float lensradius" .1', 22, ("pinhole",)),
-        ('Camera "perspective" "float screenwindow" [ -1 1 -1 1 ]', 22, ("screenwindow", "-1.77778 1.77778")),
         ('Camera "perspective" "float screenwindow" [ -1 1 ]', 22, ("four numbers, not 2",)),
-        ('Camera "perspective" "float frameaspectratio" 2', 22, ("frameaspectratio", "1.77778")),
-        ('Camera "perspective" "float shutterclose" 0.5', 22, ("shutterclose", "1")),
-        ('Film "gbuffer"', 1, ('"rgb"',)),
+        ('Camera "perspective" "float shutterclose" -0.5', 22, ("open for -0.5",)),
+        ('Film "tiles"', 1, ('"rgb"', '"gbuffer"')),
         ('Film "rgb" "integer xresolution" 0', 12, ("xresolution", "0")),
         ('Film "rgb" "integer yresolution" [ 100000 ]', 12, ("65535",)),
         ('Film "rgb" "integer xresolution" 10.5', 34, ("whole number",)),
         ('Film "rgb" "integer xresolution" 10.0', 34, ("whole number",)),  # pbrt reads no decimals there
         ('Film "rgb" "integer xresolution" 99999999999', 34, ("whole number",)),
-        ('Film "rgb" "string sensor" "canon_eos_5d"', 12, ("sensor", '"cie1931"')),
-        ('Film "rgb" "float iso" 200', 12, ("iso", "100")),
+        ('Film "rgb" "string sensor" "canon_eos_6d"', 12, ("canon_eos_6d", '"cie1931"')),
+        ('Film "rgb" "float iso" 0', 12, ("iso must be positive",)),
         ('Film "rgb" "float exposuretime" 2', 12, ("exposuretime",)),
-        ('Film "rgb" "float maxcomponentvalue" 10', 12, ("maxcomponentvalue",)),
-        ('Film "rgb" "float cropwindow" [ 0 .5 0 1 ]', 12, ("cropwindow",)),
-        ('Film "rgb" "integer pixelbounds" [ 0 10 0 10 ]', 12, ("pixelbounds",)),
         ('PixelFilter "mitchell" "float B" 0.3', 1, ('"mitchell"', '"box", "triangle", "gaussian"')),
         ('PixelFilter "sinc"', 1, ('"sinc"', '"gaussian"')),
         ('Film "rgb" "float cropwindow" [ 0 1 0 ]', 12, ("cropwindow is four numbers, not 3",)),
         ('Film "rgb" "integer pixelbounds" [ 1 ]', 12, ("pixelbounds is four numbers, not 1",)),
+        ('Film "rgb" "float cropwindow" [ .5 .5 0 1 ]', 12, ("cropwindow leaves no pixel of 1280 x 720",)),
+        ('Film "rgb" "integer pixelbounds" [ 2000 2010 0 9 ]', 12, ("pixelbounds leaves no pixel",)),
+        ('Camera "perspective" "float screenwindow" [ -1 1 2 2 ]', 22, ("screenwindow has no area",)),
         ('PixelFilter "box" "float xradius" 0', 19, ("above 0",)),
         ('PixelFilter "gaussian" "float yradius" 100', 24, ("at most 16",)),
         ('PixelFilter "gaussian" "float sigma" 0', 24, ("sigma must be positive",)),
@@ -163,8 +163,7 @@ def test_defaults_are_no_part_of_the_content() -> None:
         ('Sampler "sobol" "string randomization" "none"', 17, ("owen",)),
         ('Sampler "independent" "string randomization" "owen"', 23, ("randomization",)),
         ('Sampler "independent" "integer seed" -1', 23, ("negative",)),
-        ('Integrator "bdpt" "integer maxdepth" 1', 1, ('"path"', '"ambientocclusion"')),
-        ('Integrator "path" "integer maxdepth" 1 "bool regularize" true', 40, ("regularize",)),
+        ('Integrator "whitted" "integer maxdepth" 1', 1, ('"path"', '"ambientocclusion"')),
         ('Integrator "ambientocclusion" "float maxdistance" 0', 31, ("maxdistance must be positive",)),
         ('Option "forcediffuse" true', 1, ("forcediffuse", "not supported")),
         ('Option "bool disablepixeljitter" true', 1, ("disablepixeljitter", "not supported")),
@@ -176,8 +175,7 @@ def test_defaults_are_no_part_of_the_content() -> None:
         ('MakeNamedMedium "fog" "string type" "homogeneous"', 1, ('MakeNamedMedium "fog"',)),
         ('ColorSpace "aces2065-1"', 1, ("not supported", "srgb, rec2020, dci-p3")),
         ('ColorSpace "rec709"', 1, ("no colour space is called 'rec709'",)),
-        ('Integrator "path" "integer maxdepth" 5', 19, ("maxdepth is 5",)),
-        ('Integrator "path"', 1, ("maxdepth is 5 (pbrt's default)",)),
+        ('Integrator "path" "integer maxdepth" 0', 19, ("maxdepth is 0", "emission alone")),
         ("AttributeBegin", 1, ("after WorldBegin",)),
         ('Shape "sphere"', 1, ("after WorldBegin",)),
         ("ReverseOrientation", 1, ("after WorldBegin",)),
@@ -240,3 +238,108 @@ def test_without_light_sampling_pbrt_leaves_lights_out(light: str) -> None:
         parse(HEAD.replace("Integrator", line + "Integrator") + f'LightSource "{light}"').defaults.estimator
         is None
     )
+
+
+def noted(text: str, *words: str) -> SceneDescription:
+    """The scene, which is read with one note that has these words, and refused where `strict` asks for it."""
+    scene = parse(text)
+    (note,) = scene.notes
+    for word in words:
+        assert word in note, f"{word!r} is not in: {note}"
+    with pytest.raises(SceneError, match=re.escape(note.split(" (<text>")[0])):
+        parse(text, strict=True)
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('Integrator "path" "integer maxdepth" 17', ("maxdepth is 17", "direct component", "<text>:1:19")),
+        ('Integrator "volpath"', ("maxdepth is 5 (pbrt's default)", "<text>:1:1")),
+        ('Integrator "bdpt" "integer maxdepth" 9', ('"bdpt"', "direct component")),
+        ('Integrator "mlt" "integer chains" 100', ('"mlt"',)),
+        ('Integrator "sppm" "float radius" .1', ('"sppm"',)),
+        ('Integrator "directlighting" "string strategy" "all"', ('"directlighting"',)),
+        ('Film "rgb" "string sensor" "canon_eos_5d"', ("canon_eos_5d", "imaging ratio holds")),
+        ('Film "rgb" "float whitebalance" 5000', ("whitebalance is left out",)),
+        ('Film "rgb" "float maxcomponentvalue" 10', ("maxcomponentvalue, 10", "bias")),
+        ('Film "rgb" "integer xresolution" 2 "integer xresolution" 1280', ("given twice to Film", "last")),
+    ],
+)
+def test_what_pbrt_would_do_further_is_noted_and_changes_nothing(line: str, words: tuple[str, ...]) -> None:
+    integrator = "" if line.startswith("Integrator") else 'Integrator "path" "integer maxdepth" 1\n'
+    scene = noted(f"{line}\n{integrator}{REST}", *words)
+    assert scene.content_hash() == parse('Integrator "path" "integer maxdepth" 1\n' + REST).content_hash()
+
+
+def test_notes_of_one_kind_are_one_line_with_their_number() -> None:
+    body = 'Shape "sphere" "float radius" 1 "float radius" 2\n' * 3
+    assert parse(HEAD + body).notes == (
+        '"radius" is given twice to Shape: the last one holds, as in pbrt (<text>:7:33 and 2 more)',
+    )
+
+
+def test_regularisation_changes_no_direct_light() -> None:
+    """pbrt makes BSDFs rougher behind the first bounce only."""
+    line = 'Integrator "path" "integer maxdepth" 1 "bool regularize" true\n'
+    assert parse(line + REST).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("camera", "window"),
+    [
+        ('"float screenwindow" [ -1.2 1.2 -0.9 0.7 ]', [-1.2, 1.2, -0.9, 0.7]),
+        ('"float screenwindow" [ 1.2 -1.2 0.7 -0.9 ]', [-1.2, 1.2, -0.9, 0.7]),  # pbrt sorts the ends
+        ('"float frameaspectratio" 3', [-3, 3, -1, 1]),
+        ('"float frameaspectratio" 0.5', [-1, 1, -2, 2]),
+    ],
+)
+def test_a_window_of_the_screen(camera: str, window: list[float]) -> None:
+    film = 'Film "rgb" "integer xresolution" 10 "integer yresolution" 8'
+    scene = parse(f'{film}\nCamera "perspective" {camera}\nWorldBegin')
+    assert scene.camera.window is not None
+    assert scene.camera.window.tolist() == window
+
+
+@pytest.mark.parametrize(
+    ("crop", "size", "window"),
+    [
+        # A window in pixels of a film of 16 x 12, whose shorter side spans two units: a pixel is 1/6.
+        ('"float cropwindow" [ 0.25 0.75 0 1 ]', (8, 12), [-4 / 6, 4 / 6, -1, 1]),
+        ('"float cropwindow" [ 0.75 0.25 1 0 ]', (8, 12), [-4 / 6, 4 / 6, -1, 1]),
+        (
+            '"float cropwindow" [ -1 0.3 0 0.26 ]',
+            (5, 4),
+            [-8 / 6, -3 / 6, 2 / 6, 1],
+        ),  # 4.8 and 3.12 rounded up
+        ('"integer pixelbounds" [ 2 10 3 99 ]', (8, 9), [-1, 2 / 6, -1, 3 / 6]),
+        ('"integer pixelbounds" [ 0 1 0 1 ] "float cropwindow" [ 0.5 1 0 1 ]', (8, 12), [0, 8 / 6, -1, 1]),
+    ],
+)
+def test_a_crop_is_a_smaller_film_and_its_window(
+    crop: str, size: tuple[int, int], window: list[float]
+) -> None:
+    film = f'Film "rgb" "integer xresolution" 16 "integer yresolution" 12 {crop}\n'
+    scene = parse(film + REST)
+    assert (scene.film.width, scene.film.height) == size
+    np.testing.assert_allclose(scene.camera.window, window, rtol=0, atol=1e-15)
+
+
+def test_shutter_and_iso_multiply_all_light() -> None:
+    """pbrt's imaging ratio: seconds of exposure times ISO / 100."""
+    world = """WorldBegin
+        LightSource "point" "rgb I" [ 1 2 3 ]
+        LightSource "spot" "rgb I" [ 1 2 3 ]
+        LightSource "distant" "rgb L" [ 1 2 3 ]
+        LightSource "infinite" "rgb L" [ 1 2 3 ]
+        AreaLightSource "diffuse" "rgb L" [ 1 2 3 ]
+        Shape "sphere"
+        """
+    shutter = '"float shutteropen" 1 "float shutterclose" 4'
+    text = f'Film "rgb" "float iso" 200\nCamera "perspective" {shutter}\n{world}'
+    scene, plain = parse(text), parse(f'Camera "perspective"\n{world}')
+    emitted = [*(vars(light) for light in scene.lights), vars(scene.shapes[0].emission)]
+    before = [*(vars(light) for light in plain.lights), vars(plain.shapes[0].emission)]
+    for light, reference in zip(emitted, before, strict=True):
+        (name,) = {"intensity", "irradiance", "radiance"} & set(light)
+        np.testing.assert_array_equal(light[name], reference[name] * 6)

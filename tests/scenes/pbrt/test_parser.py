@@ -135,7 +135,6 @@ def test_shapes_know_where_they_stand() -> None:
         ('Shape "sphere" "float radius x" 1', 1, 16, ("type name",)),
         ('Shape "sphere" "integer radius" 1', 1, 16, ('"float radius"',)),
         ('Shape "sphere" "float size" 1', 1, 16, ('"float size"', '"float radius"')),
-        ('Shape "sphere" "float radius" 1 "float radius" 2', 1, 33, ("twice",)),
         ('Shape "sphere" "rgb color" [ 1 1 1 ]', 1, 16, ('"rgb color"', "supported parameters")),
         ('Material "dielectric"', 1, 1, ('"dielectric"', '"diffuse", "conductor"')),
         ('Material "diffuse" "rgb reflectance" [ .5 .5 ]', 1, 20, ("three numbers, not 2",)),
