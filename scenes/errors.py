@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-PLACES = 50  # how many places one message lists; a terminal holds about as many
+KINDS = 50  # how many kinds of refusal one message lists; a terminal holds about as many
 
 
 class PenumbraError(Exception):
@@ -49,72 +49,67 @@ class Unsupported(SceneError):
 
 
 class Report:
-    """The places of a scene that ask for what is not simulated.
+    """What of a scene is not simulated, each kind with its places.
 
     strict: whether a place that a note would do for is refused as well.
     """
 
     def __init__(self, strict: bool = False) -> None:
-        self._found: dict[str, tuple[str, Location]] = {}
-        self._count = 0
         self._strict = strict
-        self._notes: dict[str, tuple[Location, int]] = {}
+        self._refusals: dict[str, dict[Location, None]] = {}
+        self._notes: dict[str, dict[Location, None]] = {}
 
     def note(self, message: str, where: Location) -> None:
         """Note a place where the image is not the one that pbrt makes, without refusing the scene."""
         if self._strict:
             self.add(message, where)
-            return
-        message = _one_line(message)
-        first, count = self._notes.get(message, (where, 0))
-        self._notes[message] = first, count + 1
+        else:
+            self._notes.setdefault(_one_line(message), {})[where] = None
 
     def notes(self) -> tuple[str, ...]:
         """One line for each kind of note, with its first place and how many more there are."""
         return tuple(
-            f"{message} ({where}{f' and {count - 1} more' if count > 1 else ''})"
-            for message, (where, count) in self._notes.items()
+            f"{message} ({next(iter(places))}{_others(places)})" for message, places in self._notes.items()
         )
 
     def add(self, message: str, where: Location) -> None:
-        """Note one place; the same place with the same message counts once while it is among those listed."""
-        line = f"{where}: {_one_line(message)}"
-        if line in self._found:
-            return
-        self._count += 1
-        if len(self._found) < PLACES:
-            self._found[line] = (message, where)
+        """Note a place that asks for what is not simulated; the same place counts once for a message."""
+        self._refusals.setdefault(_one_line(message), {})[where] = None
 
     def check(self) -> None:
-        """One SceneError that lists the places, a line each and the first as its own, if there are any."""
-        if not self._found:
-            return
-        lines = self._lines()
-        message, where = self._found[lines[0]]
-        raise SceneError(message, where, lines[1:])
+        """One SceneError that lists each kind of refusal, a line each and the first as its own."""
+        if self._refusals:
+            (message, places), *rest = self._listed()
+            first = f"{message}{_others(places)}"
+            raise SceneError(first, next(iter(places)), self._lines(rest))
 
     def behind(self, error: SceneError) -> SceneError:
-        """`error` with the places listed behind it; itself where there are none, or where it is of this
-        report.
-        """
-        lines = self._lines()
+        """`error` with the refusals listed behind it; itself where they are its own, or none."""
+        lines = self._lines(self._listed())
         if not lines or str(error).startswith(lines[0]):
             return error
         return SceneError(error.message, error.location, [*error.further, *lines])
 
-    def _lines(self) -> list[str]:
-        """The places in the order of each file, the files in the order in which something was found in
-        them.
-        """
-        more = self._count - len(self._found)
-        rest = [f"and {more} more places that ask for what is not supported"] if more else []
-        files = list(dict.fromkeys(where.file for _, where in self._found.values()))
+    def _listed(self) -> list[tuple[str, dict[Location, None]]]:
+        """The refusals by their first places, the files in the order in which something was found in them."""
+        files = list(dict.fromkeys(where.file for places in self._refusals.values() for where in places))
 
-        def place(line: str) -> tuple[int, int, int]:
-            where = self._found[line][1]
+        def first(item: tuple[str, dict[Location, None]]) -> tuple[int, int, int]:
+            where = next(iter(item[1]))
             return files.index(where.file), where.line, where.column
 
-        return [*sorted(self._found, key=place), *rest]
+        return sorted(self._refusals.items(), key=first)
+
+    @staticmethod
+    def _lines(listed: Sequence[tuple[str, dict[Location, None]]]) -> list[str]:
+        lines = [f"{next(iter(places))}: {message}{_others(places)}" for message, places in listed[:KINDS]]
+        more = len(listed) - KINDS
+        return [*lines, f"and {more} more kinds of what is not supported"] if more > 0 else lines
+
+
+def _others(places: dict[Location, None]) -> str:
+    """How many places there are beside the first."""
+    return f" and {len(places) - 1} more" if len(places) > 1 else ""
 
 
 def _one_line(text: str) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.errors import PLACES, Location, Report, SceneError
+from scenes.errors import KINDS, Location, Report, SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse, parse_file
 from tests.kit.scene_texts import HEAD, TRIANGLE
@@ -195,10 +195,18 @@ def test_places_in_included_files_are_listed_with_their_files(tmp_path: Path) ->
     assert second.startswith(f"{tmp_path / 'main.pbrt'}:8:1: shape 'curve'")
 
 
+def test_a_kind_is_one_line_with_its_first_place_and_how_many_more_there_are() -> None:
+    lines = str(refused(HEAD + 'Shape "cone"\n' * 99 + 'Shape "curve"\n' + 'Shape "cone"\n')).splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("<text>:7:1: shape 'cone'") and lines[0].endswith(" and 99 more")
+    assert lines[1].startswith("<text>:106:1: shape 'curve'") and not lines[1].endswith("more")
+
+
 def test_the_list_is_bounded() -> None:
-    lines = str(refused(HEAD + 'Shape "cone"\n' * (PLACES + 7))).splitlines()
-    assert len(lines) == PLACES + 1
-    assert lines[-1] == "and 7 more places that ask for what is not supported"
+    text = HEAD + "".join(f'Shape "cone{i}"\n' for i in range(KINDS + 7))
+    lines = str(refused(text)).splitlines()
+    assert len(lines) == KINDS + 2  # the first is the error's own
+    assert lines[-1] == "and 6 more kinds of what is not supported"
 
 
 def test_the_lines_survive_the_way_from_a_worker() -> None:
