@@ -14,7 +14,7 @@ from scenes.description.scene import Film, PerspectiveCamera, PixelFilter, Rende
 from scenes.description.shapes import Emission, Geometry
 from scenes.description.textures import Texture
 from scenes.errors import Location, Report, SceneError, Unsupported
-from scenes.pbrt.text.parameters import SRGB, Parameter, Parameters
+from scenes.pbrt.text.parameters import SRGB, VERSION_3, Parameter, Parameters
 from scenes.pbrt.transforms import Transform, identity
 
 DEFAULT_REFLECTANCE = 0.5
@@ -23,6 +23,11 @@ COUNT_LIMIT = 1_000_000  # of shapes, of lights, of names: a few GB
 # pbrt-v4's radii of its filters where a file gives none, and its filter where a file names none.
 FILTERS = {"box": 0.5, "triangle": 2.0, "gaussian": 1.5}
 UNSAID = PixelFilter("gaussian", FILTERS["gaussian"], FILTERS["gaussian"], 0.5)
+
+MATERIALS_OF_VERSION_3 = (
+    "matte", "plastic", "uber", "glass", "mirror", "substrate", "translucent", "metal", "disney", "fourier",
+    "kdsubsurface",
+)  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -156,6 +161,8 @@ def check_room(collection: Sized, what: str, where: Location) -> None:
 
 def refuse_kind(kind: str, supported: str, parameters: Parameters) -> None:
     """`Unsupported` unless `kind` is one of the words of `supported`."""
+    if parameters.owner in ("Material", "MakeNamedMaterial") and kind in MATERIALS_OF_VERSION_3:
+        raise SceneError(f'{parameters.owner} "{kind}" {VERSION_3}', parameters.where)
     if kind not in supported.split():
         allowed = ", ".join(f'"{name}"' for name in supported.split())
         raise Unsupported(

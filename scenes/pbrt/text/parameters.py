@@ -21,6 +21,8 @@ TYPES = (
     "bool", "float", "integer", "string", "rgb", "point2", "point3",
     "vector2", "vector3", "normal", "spectrum", "blackbody", "texture",
 )  # fmt: skip
+VERSION_3 = "is of pbrt-v3; `pbrt --upgrade` of pbrt-v4 rewrites such a file"
+TYPES_OF_VERSION_3 = ("color", "xyz")
 SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of older files
 INT32_MAX = 2**31 - 1
 SRGB = "srgb"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from scenes.errors import Report, SceneError
 from scenes.pbrt.text.lexer import Token
 from scenes.pbrt.text.numbers import SINGLES, Run, Values
-from scenes.pbrt.text.parameters import SPELLINGS, TYPES, Parameter, Parameters
+from scenes.pbrt.text.parameters import SPELLINGS, TYPES, TYPES_OF_VERSION_3, VERSION_3, Parameter, Parameters
 from scenes.pbrt.text.stream import TokenStream
 from scenes.pbrt.text.template import Bindings
 
@@ -80,6 +80,8 @@ class Syntax:
         if len(words) != 2:
             raise SceneError(f'{head} is no parameter: write "type name" and its values', head.where)
         type_ = SPELLINGS.get(words[0], words[0])
+        if type_ in TYPES_OF_VERSION_3:
+            raise SceneError(f"parameter type {type_!r} {VERSION_3}", head.where)
         if type_ not in TYPES:
             raise SceneError(
                 f"unknown parameter type {words[0]!r}; there are: {', '.join(TYPES)}", head.where

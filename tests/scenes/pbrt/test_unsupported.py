@@ -215,6 +215,21 @@ def test_the_lines_survive_the_way_from_a_worker() -> None:
     assert (str(copy), copy.location, copy.message) == (str(error), error.location, error.message)
 
 
+@pytest.mark.parametrize(
+    ("line", "column"),
+    [
+        ('Material "matte" "rgb Kd" [ .5 .5 .5 ]', 1),
+        ('MakeNamedMaterial "m" "string type" "uber"', 1),
+        ('Material "diffuse" "color reflectance" [ .5 .5 .5 ]', 20),
+        ('LightSource "point" "xyz I" [ 1 1 1 ]', 21),
+    ],
+)
+def test_a_file_of_version_3_is_told_so_at_once(line: str, column: int) -> None:
+    error = refused(HEAD + line + '\nShape "sphere"')
+    assert error.location == Location("<text>", 7, column)
+    assert "pbrt-v3" in str(error) and "pbrt --upgrade" in str(error)
+
+
 def test_an_empty_report_says_nothing() -> None:
     Report().check()
 
