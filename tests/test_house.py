@@ -155,7 +155,7 @@ def test_doctests() -> None:
     assert not any(failures.values()), failures
 
 
-def _registries() -> dict[str, Registry[object]]:
+def registries() -> dict[str, Registry[object]]:
     """All registries: every module whose source makes one."""
     makers = [
         path
@@ -168,12 +168,12 @@ def _registries() -> dict[str, Registry[object]]:
 
 
 def test_registries_are_found() -> None:
-    assert {"estimator", "sampler", "metric", "reference backend"} <= set(_registries())
+    assert {"estimator", "sampler", "metric", "reference backend"} <= set(registries())
 
 
 @pytest.mark.parametrize("kind", ["estimator", "sampler", "metric"])
 def test_entries_have_distinct_titles(kind: str) -> None:
     """`penumbra list` and the reports show them."""
-    titles = {name: getattr(entry, "title", "") for name, entry in _registries()[kind].items()}
+    titles = {name: getattr(entry, "title", "") for name, entry in registries()[kind].items()}
     assert all(titles.values()), titles
     assert len(set(titles.values())) == len(titles), titles

@@ -1,0 +1,175 @@
+"""The files that a new kind touches, counted by those that name an existing one.
+
+A file names a kind if its code holds one of the kind's classes as an identifier, or one of its words as a
+whole string. Comments and docstrings do not count.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from scenes import catalog
+from scenes.registry import Registry
+from tests.test_house import ROOT, SOURCES, registries
+
+SCENES = tuple(scene.name for scene in catalog.library())
+SWEEPS = tuple(path.stem for path in (ROOT / "pipeline" / "sweeps").glob("*.toml"))
+COMMANDS = ROOT / "pipeline" / "commands"
+
+
+class Kind(NamedTuple):
+    """A kind that exists, how code would name it, and the number of files that may."""
+
+    name: str
+    classes: tuple[str, ...]
+    words: tuple[str, ...]
+    limit: int
+
+
+TABLE = [
+    pytest.param(Kind("spot light", ("SpotLight", "SpotLights"), ("spot",), 5), marks=pytest.mark.xfail),
+    pytest.param(Kind("conductor", ("Conductor", "Conductors"), ("conductor",), 4), marks=pytest.mark.xfail),
+    pytest.param(Kind("checkerboard", ("Checkerboard",), ("checkerboard",), 4), marks=pytest.mark.xfail),
+    pytest.param(Kind("disk", ("Disk", "DiskLights"), ("disk",), 7), marks=pytest.mark.xfail),
+    *(Kind(f"scene {name}", (), (name,), 1) for name in SCENES),
+    *(Kind(f"sweep {name}", (), (name,), 1) for name in SWEEPS),
+]
+
+HOMONYM = "the same word for another thing"
+
+# Files that use a kind and teach the tree nothing about it: path -> why. They are not counted.
+USES = {
+    "spot light": {},
+    "conductor": {"pipeline/references/mitsuba/plugins.py": "Mitsuba's own class of that name"},
+    "checkerboard": {},
+    "disk": {
+        "pipeline/references/backends/mitsuba.py": "a probe of Mitsuba's sampling renders a disk",
+        "pipeline/studies/ladder.py": "the study's own scenes",
+        "pipeline/references/closed_form/": "an independent solution, for the shapes that have one",
+    },
+    # Words that mean the program, a metric or a command in the source, never the scene or the sweep.
+    "scene penumbra": {"": HOMONYM},
+    "sweep penumbra": {"": HOMONYM},
+    "sweep noise": {"": HOMONYM},
+    "sweep demo": {"pipeline/": "the command of that name", "reports/": "the command of that name"},
+}
+
+# Names that a registry hands out and other files hold too: kind -> path (a folder ends with /) -> why.
+DEFAULTS = "a default, or the partner of one"
+FAMILY = "one technique of light sampling, by each light"
+ENTRIES: Mapping[str, Mapping[str, str]] = {
+    "metric": {
+        "reports/": "the page chooses the columns and curves that it shows first",
+        "pipeline/commands/baseline.py": HOMONYM,
+        "pipeline/scoring/metric.py": HOMONYM,
+        "pipeline/studies/ladder.py": "the study asks for counts of samples that are no number",
+    },
+    "sampler": {
+        "pipeline/commands/": DEFAULTS,
+        "pipeline/schema/sweep.py": DEFAULTS,
+        "pipeline/self_reference.py": DEFAULTS,
+        "pipeline/studies/": DEFAULTS,
+        "pipeline/references/mitsuba/worker.py": "Mitsuba's plug-in of that name",
+        "renderer/render.py": DEFAULTS,
+        "scenes/": "pbrt's keyword, and the default of a scene",
+        "reports/": "a straight line is fitted to independent samples only",
+    },
+    "estimator": {
+        "pipeline/commands/": DEFAULTS,
+        "pipeline/self_reference.py": DEFAULTS,
+        "renderer/render.py": DEFAULTS,
+        "scenes/pbrt/": "pbrt's keyword",
+        "pipeline/references/": "the quantity ambient-occlusion, and Mitsuba's words",
+        "renderer/interfaces/estimator.py": "the quantity ambient-occlusion",
+        "renderer/estimators/": FAMILY,
+        "renderer/light_sampling/": FAMILY,
+        "renderer/lights/": FAMILY,
+    },
+    "reference backend": {
+        "pipeline/commands/": DEFAULTS,
+        "pipeline/schema/sweep.py": DEFAULTS,
+        "pipeline/baseline/entry.py": "a folder of that name",
+        "pipeline/store/provenance.py": "the distribution of that name",
+    },
+}
+
+
+@cache
+def _names(path: Path) -> tuple[frozenset[str], frozenset[str]]:
+    """The identifiers and the string constants in the code of a file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    bodies = (node.body for node in ast.walk(tree) if isinstance(node, documented))
+    prose = {id(body[0].value) for body in bodies if body and isinstance(body[0], ast.Expr)}
+    identifiers, words = set[str](), set[str]()
+    for node in ast.walk(tree):
+        match node:
+            case (
+                ast.Name(id=name) | ast.Attribute(attr=name) | ast.ClassDef(name=name) | ast.alias(name=name)
+            ):
+                identifiers.add(name)
+            case ast.Constant(value=str(word)) if id(node) not in prose:
+                words.add(word)
+    return frozenset(identifiers), frozenset(words)
+
+
+def naming(classes: tuple[str, ...], words: tuple[str, ...], uses: Mapping[str, str]) -> list[str]:
+    """The source files whose code names a kind, those that only use it aside."""
+    found = []
+    for path in SOURCES:
+        identifiers, strings = _names(path)
+        name = path.relative_to(ROOT).as_posix()
+        if (identifiers & set(classes) or strings & set(words)) and not name.startswith(tuple(uses)):
+            found.append(name)
+    return found
+
+
+@pytest.mark.parametrize("kind", TABLE, ids=lambda kind: kind.name)
+def test_files_that_a_new_kind_touches_are_few(kind: Kind) -> None:
+    files = naming(kind.classes, kind.words, USES.get(kind.name, {}))
+    assert len(files) <= kind.limit, f"{kind.name}: {len(files)} files, {kind.limit} allowed: {files}"
+
+
+def test_what_only_uses_a_kind_still_does() -> None:
+    """An exception that nothing needs any more goes."""
+    kinds = {kind.name: kind for kind in (row.values[0] if hasattr(row, "values") else row for row in TABLE)}
+    named = {name: naming(kinds[name].classes, kinds[name].words, {}) for name in USES}
+    for registered, uses in ENTRIES.items():
+        words = tuple(registries()[registered].names())
+        assert not _unused(uses, naming((), words, {})), registered
+    assert not {name: stale for name in USES if (stale := _unused(USES[name], named[name]))}
+
+
+def _unused(uses: Mapping[str, str], files: list[str]) -> list[str]:
+    return [path for path in uses if not any(file.startswith(path) for file in files)]
+
+
+def _entries() -> Iterator[tuple[str, str, Registry[object]]]:
+    for kind in ENTRIES:
+        registry = registries()[kind]
+        yield from ((kind, name, registry) for name in registry.names())
+
+
+@pytest.mark.parametrize(("kind", "name", "registry"), list(_entries()))
+def test_an_entry_of_a_registry_is_one_file(kind: str, name: str, registry: Registry[object]) -> None:
+    """Its own file registers it; others name it as a default or mean something else by the word."""
+    own = f"{registry.package.replace('.', '/')}/"
+    home = [file for file in naming((), (name,), {}) if file.startswith(own)]
+    others = naming((), (name,), {**ENTRIES[kind], own: "its home"})
+    assert len(home) == 1 or own in ENTRIES[kind], home
+    assert not others, f"{kind} {name} is named by {others} too"
+
+
+@pytest.mark.xfail
+@pytest.mark.parametrize("module", [path.stem for path in COMMANDS.glob("*.py") if path.stem != "__init__"])
+def test_a_command_is_one_file(module: str) -> None:
+    """Nothing else imports a command's module by name, unless other commands share it."""
+    text = f"pipeline.commands.{module}"
+    users = [path for path in SOURCES if text in path.read_text(encoding="utf-8")]
+    assert ROOT / "pipeline" / "cli.py" not in users
