@@ -1,9 +1,8 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The plotly figures: error against render seconds, and error against a scene parameter.
 
-What a marker says: filled, a measured value with its 95 % interval; hollow triangle pointing down, an upper
-bound (the reference's noise hides more); cross on the upper edge, an untrustworthy cell, of which there is no
-number to place it by.
+A filled marker is a measured value with its 95 % interval. A hollow triangle is an upper bound: the
+reference's noise hides more. A cross on the upper edge is an untrustworthy cell, which has no number.
 """
 
 from __future__ import annotations
@@ -18,22 +17,23 @@ import plotly.io
 from plotly.offline import get_plotlyjs
 
 from pipeline.statistics.slopes import Slope
-from reports.axes import SOFT, Span, layout, span
-from reports.formats import interval, sig, slope_text
-from reports.measures import Measure
-from reports.series import Panel, Point, Series
-from reports.trends import fitted_slope
+from reports.formats import interval, plain, sig, slope_text
+from reports.series import Measure, Panel, Point, Series
 
 COLORS = ("#b4531f", "#1f5f8b", "#3f7d4e", "#8a4b8f", "#a07a12", "#5b6770")
 BOUND, REFUSED, DRAWN = "triangle-down-open", "x-thin", "star-square-open"
 DASHES = ("solid", "dash", "dot", "dashdot")
 SYMBOLS = ("circle", "square", "diamond", "pentagon")
+FONT = 'system-ui, -apple-system, "Segoe UI", "Liberation Sans", sans-serif'
+GRID, INK, SOFT = "#e4e7e8", "#1c2024", "#5a636b"
+FEW_DECADES = 2.5
+PAD = 0.07  # of an axis, on either side of the data
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
 
 
 @dataclass(frozen=True)
 class Style:
-    """How a series looks: colour by estimator, dash and symbol by sampler."""
+    """The look of a series: colour by estimator, dash and symbol by sampler."""
 
     color: str
     dash: str
@@ -41,7 +41,7 @@ class Style:
 
 
 def styles(panel: Panel) -> dict[str, Style]:
-    """Series label to style; the same for every panel of a study, as the sweep's axes give the order."""
+    """The style of each series by its label. The sweep's axes give the order, so that all panels agree."""
     axes = panel.study.axes
     return {
         series.label: Style(
@@ -59,7 +59,7 @@ def color(panel: Panel, series: Series) -> str:
 
 
 def plotly_source() -> str:
-    """The script that draws the figures."""
+    """The source of plotly.js, which draws the figures."""
     return get_plotlyjs()
 
 
@@ -69,9 +69,7 @@ def html(figure: go.Figure, anchor: str) -> str:
 
 
 def error_against_time(panel: Panel) -> go.Figure:
-    """RMSE against render seconds, log-log, with the slopes fitted for `independent` and a guide of slope
-    -1/2.
-    """
+    """RMSE against render seconds, log-log, with the slopes of `independent` and a guide of slope -1/2."""
     return _figure(panel, _seconds, "render time of one image, one thread (s)", _slopes(panel))
 
 
@@ -89,7 +87,9 @@ def _position(point: Point) -> float:
 
 
 def _slopes(panel: Panel) -> dict[str, Slope]:
-    found = {series.label: fitted_slope(series) for series in panel.series if series.sampler == "independent"}
+    found = {
+        series.label: series.fitted_slope() for series in panel.series if series.sampler == "independent"
+    }
     return {label: slope for label, slope in found.items() if slope is not None}
 
 
@@ -128,7 +128,7 @@ def _traces(
 
 
 def _baseline(panel: Panel, x: Callable[[Point], float]) -> list[go.Scatter]:
-    """The rasterised picture, a marker by itself: there is no line that more time would follow."""
+    """A single marker for the rasterised image, whose error no time lowers."""
     point, name = panel.baseline, panel.study.baseline
     if point is None or point.rmse.value is None:
         return []
@@ -147,7 +147,7 @@ def _baseline(panel: Panel, x: Callable[[Point], float]) -> list[go.Scatter]:
 
 
 def _key(points: Sequence[Point]) -> list[go.Scatter]:
-    """Legend entries for the markers that are no measured values, where there are such."""
+    """Legend entries for the markers that are not measured values."""
     meanings = (
         (BOUND, "upper bound", any(p.rmse.bound for p in points)),
         (REFUSED, "untrustworthy", any(not p.trusted for p in points)),
@@ -222,7 +222,7 @@ def _markers(
 
 
 def _guides(panel: Panel, across: Span, slopes: dict[str, Slope]) -> list[go.Scatter]:
-    """The fitted lines, thin, and a grey line of slope -1/2 through the middle of the first of them."""
+    """The fitted lines, thin, and a grey line of slope -1/2 through the middle of the first one."""
     looks = styles(panel)
     ends = list(across.ends)
     lines = [
@@ -262,3 +262,84 @@ def _error_line(point: Point) -> str:
     if point.rmse.value is None:
         return f"no RMSE: {point.rmse.note}"
     return f"RMSE below {sig(point.rmse.value)}" if point.rmse.bound else f"RMSE {interval(point.rmse)}"
+
+
+@dataclass(frozen=True)
+class Span:
+    """The range of an axis; low and high are decades (powers of ten) if `log`."""
+
+    low: float
+    high: float
+    log: bool = True
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The values at both ends."""
+        return self._value(self.low), self._value(self.high)
+
+    @property
+    def top(self) -> float:
+        """The place just inside the upper end, for markers without a value."""
+        return self._value(self.high - 0.3 * PAD * (self.high - self.low))
+
+    def _value(self, place: float) -> float:
+        return 10.0**place if self.log else place
+
+
+def span(values: Sequence[float]) -> Span:
+    """The range of the values with a margin; linear where a value is not positive, 0.1 to 1 without values.
+
+    A logarithmic range spans at least one decade, so that small differences look small.
+    """
+    log = all(value > 0 for value in values)
+    places = [math.log10(value) if log else value for value in values] or [-1.0, 0.0]
+    low, high = min(places), max(places)
+    pad = max(PAD * (high - low), (1.0 - (high - low)) / 2 if log else 0.0)
+    return Span(low - pad, high + pad, log)
+
+
+def layout(x_title: str, x: Span, y_title: str, y: Span) -> dict[str, Any]:
+    """A plotly layout: the legend to the right of the frame."""
+    return {
+        "template": "none",
+        "font": {"family": FONT, "size": 13, "color": INK},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "#ffffff",
+        "margin": {"l": 78, "r": 16, "t": 14, "b": 62},
+        "hoverlabel": {
+            "bgcolor": "#ffffff",
+            "bordercolor": "#b9bfc4",
+            "font": {"family": FONT, "size": 12.5},
+        },
+        "legend": {"x": 1.015, "xanchor": "left", "y": 1, "tracegroupgap": 6, "font": {"size": 12.5}},
+        "xaxis": _axis(x_title, x),
+        "yaxis": _axis(y_title, y),
+    }
+
+
+def _axis(title: str, found: Span) -> dict[str, Any]:
+    axis = {
+        "range": [found.low, found.high],
+        "title": {"text": title, "standoff": 12, "font": {"size": 13.5}},
+        "gridcolor": GRID,
+        "linecolor": SOFT,
+        "mirror": True,
+        "showline": True,
+        "zeroline": False,
+        "ticks": "outside",
+        "tickcolor": SOFT,
+        "ticklen": 5,
+        "automargin": True,
+    }
+    if not found.log:
+        return axis
+    values = ticks(found)
+    return axis | {"type": "log", "tickvals": values, "ticktext": [plain(value) for value in values]}
+
+
+def ticks(found: Span) -> list[float]:
+    """The decades inside a logarithmic range, and 2 and 5 times them where they are few."""
+    steps = (1,) if found.high - found.low > FEW_DECADES else (1, 2, 5)
+    decades = range(math.floor(found.low), math.ceil(found.high) + 1)
+    values = [float(f"{step}e{decade}") for decade in decades for step in steps]
+    return [value for value in values if found.low <= math.log10(value) <= found.high]

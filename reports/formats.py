@@ -1,6 +1,4 @@
-"""Numbers and lists as text: three significant digits, powers of ten in Unicode, so that text, tables and
-plots read alike.
-"""
+"""Numbers and lists as text, the same in sentences, tables and plots: three digits, Unicode powers of ten."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from collections.abc import Sequence
 from pipeline.schema.record import Job
 from pipeline.statistics.intervals import Interval
 from pipeline.statistics.slopes import Slope
-from reports.measures import Measure
+from reports.series import Measure
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 DASH = "–"
@@ -18,9 +16,7 @@ LEAST_ERROR = 1e-6  # a smaller standard error of a slope is rounding
 
 
 def sig(x: float | None, digits: int = 3) -> str:
-    """`x` with so many significant digits, as powers of ten below 0.001 and from 100,000 on; a dash where
-    there is no number.
-    """
+    """`x` to so many significant digits, with a power of ten below 0.001 and from 100,000 on; else a dash."""
     if x is None or math.isnan(x):
         return DASH
     if math.isinf(x) or x == 0:
@@ -38,7 +34,7 @@ def power_of_ten(exponent: int) -> str:
 
 
 def plain(x: float) -> str:
-    """A number that somebody chose: as short as it can be told, 0.01 or 10⁻⁵ or 2.5×10⁻⁷."""
+    """A chosen number in its shortest form: 0.01, 10⁻⁵ or 2.5×10⁻⁷."""
     mantissa, _, exponent = f"{abs(x):g}".partition("e")
     sign = "−" if x < 0 else ""
     if not exponent:
@@ -61,13 +57,13 @@ def interval(found: Interval | Measure, digits: int = 3) -> str:
 
 
 def spread(values: Sequence[float], digits: int = 3) -> str:
-    """The range of some values as `a to b`, or the one that they all share to so many digits."""
+    """The range of some values as `a to b`, or their one value where they agree to so many digits."""
     low, high = sig(min(values), digits), sig(max(values), digits)
     return low if low == high else f"{low} to {high}"
 
 
 def slope_text(slope: Slope) -> str:
-    """A slope with its standard error, to three decimals or to the first digit of that error."""
+    """A slope with its standard error, to three decimals or to the error's first digit."""
     if math.isnan(slope.se):
         return f"{slope.value:.3f}".replace("-", "−")
     places = max(3, math.ceil(-math.log10(slope.se))) if slope.se > LEAST_ERROR else 3
@@ -75,7 +71,7 @@ def slope_text(slope: Slope) -> str:
 
 
 def millions(count: float) -> str:
-    """A count of rays, in thousands or millions where it is that many."""
+    """A count of rays, in thousands or millions where it is that large."""
     for unit, name in ((1e6, " M"), (1e3, " k")):
         if count >= unit:
             return sig(count / unit) + name
@@ -83,7 +79,7 @@ def millions(count: float) -> str:
 
 
 def capital(text: str) -> str:
-    """The text with a capital at its beginning and nothing else changed."""
+    """The text with its first letter in upper case."""
     return text[:1].upper() + text[1:]
 
 
@@ -105,12 +101,12 @@ def settings(values: Sequence[tuple[str, float]]) -> str:
 
 
 def scene_title(scene: str, values: Sequence[tuple[str, float]] = ()) -> str:
-    """A scene by its library name or its file's, with the parameters held fixed."""
+    """A scene by the name of its file, with the given parameters."""
     name = scene.rsplit("/", 1)[-1].removesuffix(".pbrt")
     return f"{name} ({settings(values)})" if values else name
 
 
 def job_line(job: Job) -> str:
-    """One cell in words."""
+    """One cell as a line of text."""
     where = scene_title(job.scene, tuple(job.parameters.items()))
     return f"{where}: {job.estimator}, {job.sampler}, {job.spp} spp, seed {job.seed}"

@@ -1,4 +1,4 @@
-"""Which pictures of a panel are shown: references, estimates, error maps; and how bright."""
+"""The images that a panel shows: references, estimates and error maps, and their exposure."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ from scenes.images.exr import read_exr, read_rgb
 Array = NDArray[np.float64]
 
 PREFERRED_SPP = 16  # enough to know the scene, few enough to see the noise
-MIDDLE = 0.22  # of white: where the median of what is lit is shown, lights in view or not
+MIDDLE = 0.22  # of white: the median of the lit pixels, whether or not lights are in view
 WORST = 99.0  # percentile of the error maps at which their false colours end
 
 
 @dataclass(frozen=True, eq=False)
-class Album:
-    """Pictures of one size; `exposure` in stops; `about` says what they are; `columns`: how many stand side
-    by side.
+class ImageSet:
+    """Images of one size.
+
+    exposure: in stops. about: their spp and seed in words. columns: how many stand side by side.
     """
 
     pictures: tuple[Picture, ...]
@@ -37,12 +38,12 @@ class Album:
 
     @property
     def stills(self) -> list[Picture]:
-        """The colour pictures, to be shown side by side."""
+        """The colour images, shown side by side; the error maps are in the viewer alone."""
         return [picture for picture in self.pictures if picture.limit is None]
 
     @property
     def has_maps(self) -> bool:
-        """Whether there are error maps."""
+        """Whether some of the images are error maps."""
         return len(self.stills) < len(self.pictures)
 
 
@@ -56,15 +57,13 @@ class _Scored:
     card: ScoreCard
 
 
-def make_album(root: Path, panel: Panel) -> Album | None:
-    """The pictures of a panel from its run folder; None where nothing was scored, so that there is no
-    reference to show.
-    """
-    return _samples_album(root, panel) if panel.study.over == "spp" else _parameter_album(root, panel)
+def select_images(root: Path, panel: Panel) -> ImageSet | None:
+    """The images of a panel from its run folder; None where no cell is scored."""
+    return _samples_images(root, panel) if panel.study.over == "spp" else _parameter_images(root, panel)
 
 
-def _samples_album(root: Path, panel: Panel) -> Album | None:
-    """The reference, then every series at one sample count, then the error maps of these."""
+def _samples_images(root: Path, panel: Panel) -> ImageSet | None:
+    """The reference, every series at one sample count, and their error maps."""
     scored = _scored(panel.series)
     if not scored:
         return None
@@ -74,14 +73,15 @@ def _samples_album(root: Path, panel: Panel) -> Album | None:
     images = [Picture(s.series.label, _image(root, s)) for s in shown]
     maps = _error_maps((f"error of {number}", _error(root, s)) for number, s in enumerate(shown, 2))
     about = f"{spp} samples a pixel, seed {shown[0].cell.entry.job.seed}"
-    return Album(
+    return ImageSet(
         (Picture("reference", reference), *images, *maps), _exposure([reference]), about, 1 + len(images)
     )
 
 
-def _parameter_album(root: Path, panel: Panel) -> Album | None:
-    """The reference and the first series of two estimators, at both ends and in the middle of the axis, as
-    far as of one size.
+def _parameter_images(root: Path, panel: Panel) -> ImageSet | None:
+    """The reference and the first two estimators, at both ends and in the middle of the axis.
+
+    Images of another size than the first are left out.
     """
     series = list({s.estimator: s for s in reversed(panel.series)}.values())[::-1][:2]
     scored = _scored(series)
@@ -92,18 +92,18 @@ def _parameter_album(root: Path, panel: Panel) -> Album | None:
     rows = [_at(root, panel, [s for s in scored if s.point.x == x]) for x in chosen]
     pictures = [p for row in rows for p in row if p.pixels.shape == rows[0][0].pixels.shape]
     about = f"{scored[0].point.spp} samples a pixel, first seed"
-    return Album(tuple(pictures), _exposure([row[0].pixels for row in rows]), about, 1 + len(series))
+    return ImageSet(tuple(pictures), _exposure([row[0].pixels for row in rows]), about, 1 + len(series))
 
 
 def _at(root: Path, panel: Panel, shown: Sequence[_Scored]) -> list[Picture]:
-    """The reference of one place on the axis and what was rendered there."""
+    """The reference and the renders of one place on the axis."""
     where = f"{panel.study.over} {plain(shown[0].point.x)}"
     images = [Picture(f"{s.series.estimator}, {where}", _image(root, s)) for s in shown]
     return [Picture(f"reference, {where}", _reference(root, shown[0])), *images]
 
 
 def _scored(series: Sequence[Series]) -> list[_Scored]:
-    """Every point's first replicate that has a reference."""
+    """The first replicate of every point that has a reference."""
     found: list[_Scored] = []
     for line in series:
         for point in line.points:
@@ -121,7 +121,7 @@ def _reference(root: Path, shown: _Scored) -> Array:
 
 
 def _error(root: Path, shown: _Scored) -> Array | None:
-    """Each pixel's root mean square error over channels, from the map that was stored with the scores."""
+    """Each pixel's root mean square error over the channels, from the map beside the scores."""
     if shown.card.error_map is None:
         return None
     channels = read_exr(root / shown.card.error_map).channels
@@ -131,7 +131,7 @@ def _error(root: Path, shown: _Scored) -> Array | None:
 
 
 def _error_maps(named: Iterable[tuple[str, Array | None]]) -> list[Picture]:
-    """False-colour pictures on one scale, so that they can be compared."""
+    """False-colour images on one scale."""
     maps = [(name, error) for name, error in named if error is not None]
     if not maps:
         return []
@@ -140,7 +140,7 @@ def _error_maps(named: Iterable[tuple[str, Array | None]]) -> list[Picture]:
 
 
 def _exposure(references: Sequence[Array]) -> float:
-    """Stops, in halves, that bring the median of the lit pixels of the references to a middling gray."""
+    """Stops, in halves, that bring the median of the references' lit pixels to a middle gray."""
     level = _percentile(
         np.concatenate([image.mean(axis=-1).reshape(-1) for image in references]), 50.0, above=0.0
     )
@@ -148,6 +148,6 @@ def _exposure(references: Sequence[Array]) -> float:
 
 
 def _percentile(values: Array, share: float, above: float = -math.inf) -> float:
-    """A percentile of the finite values above a limit, 0 if there are none."""
+    """A percentile of the finite values above a limit; 0 without such values."""
     counted = values[np.isfinite(values) & (values > above)]
     return float(np.percentile(counted, share)) if counted.size else 0.0

@@ -1,6 +1,4 @@
-"""From a run folder to a folder that opens from disk: one page, plotly and the flip book as files beside it,
-no network.
-"""
+"""The report of a run: one page that opens from disk, with plotly and the flip book as files beside it."""
 
 from __future__ import annotations
 
@@ -21,22 +19,21 @@ from reports.findings import (
     stability_sentences,
 )
 from reports.formats import job_line, scene_title, settings
-from reports.images import Album, make_album
-from reports.provenance import tell_origin
-from reports.region_table import region_table
+from reports.images import ImageSet, select_images
+from reports.provenance import trace_sources
 from reports.series import Panel, StudyView, select_studies
-from reports.tables import Table, error_table, plan_table, samples_table
+from reports.tables import Table, error_table, plan_table, region_table, samples_table
 from reports.viewer import flip_script, flipbook_source
 from scenes.errors import PenumbraError
 from scenes.images.exr import write_png
 
 ASSETS = "assets"
-NAMED = 40  # missing cells that are named; of more there is the number
+NAMED = 40  # missing cells that the page names; the rest it counts
 
 
 @dataclass(frozen=True)
 class Promise:
-    """A promise of the project and what this run showed of it."""
+    """A promise of the project and this run's findings on it."""
 
     title: str
     findings: list[str]
@@ -44,8 +41,10 @@ class Promise:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A panel as the template needs it. anchor: its id; plot: HTML of its figure; samples: only along a
-    parameter; regions: where cells are scored by region.
+    """A panel as the template needs it.
+
+    anchor: its id. plot: HTML of its figure. samples: a table, only along a parameter. regions: a table,
+    only where cells are scored by region.
     """
 
     anchor: str
@@ -56,7 +55,7 @@ class Section:
     table: Table
     samples: Table | None
     regions: Table | None
-    album: Album | None
+    images: ImageSet | None
 
 
 def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
@@ -97,7 +96,7 @@ def _section(run: Run, view: StudyView, panel: Panel, number: int) -> Section:
         error_table(panel),
         samples_table(panel) if along else None,
         region_table(panel),
-        make_album(run.root, panel),
+        select_images(run.root, panel),
     )
 
 
@@ -105,11 +104,11 @@ def _write_assets(folder: Path, sections: list[Section]) -> None:
     (folder / "plotly.min.js").write_text(plotly_source(), encoding="utf-8")
     (folder / "flipbook.js").write_text(flipbook_source(), encoding="utf-8")
     for section in sections:
-        if section.album is not None:
-            script = flip_script(f"{section.anchor}-flip", section.album.pictures, section.album.exposure)
+        if section.images is not None:
+            script = flip_script(f"{section.anchor}-flip", section.images.pictures, section.images.exposure)
             (folder / f"{section.anchor}.js").write_text(script, encoding="utf-8")
-            for number, picture in enumerate(section.album.stills, 1):
-                write_png(folder / f"{section.anchor}-{number}.png", picture.pixels, section.album.exposure)
+            for number, picture in enumerate(section.images.stills, 1):
+                write_png(folder / f"{section.anchor}-{number}.png", picture.pixels, section.images.exposure)
 
 
 def _render(run: Run, views: list[StudyView], sections: list[Section]) -> str:
@@ -134,7 +133,7 @@ def _render(run: Run, views: list[StudyView], sections: list[Section]) -> str:
         unscored=[job_line(cell.job) for cell in unscored[:NAMED]],
         unscored_count=len(unscored),
         plan=plan_table(_panels(views)),
-        origin=tell_origin(run, _panels(views)),
+        origin=trace_sources(run, _panels(views)),
         assets=ASSETS,
         scene_title=scene_title,
         settings=settings,

@@ -1,4 +1,4 @@
-"""Where the figures come from: code, machine, seeds, references, and the commands that make them again."""
+"""The provenance of a report: code, machine, seeds, references, and the commands that reproduce it."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ DIGITS = 12  # of a hash
 
 
 @dataclass(frozen=True)
-class Origin:
-    """facts: (name, text); commands: to be typed; references: one row for each."""
+class Sources:
+    """facts: pairs of name and text. commands: what to type. references: one row each."""
 
     facts: list[tuple[str, str]]
     commands: list[str]
     references: Table
 
 
-def tell_origin(run: Run, panels: Sequence[Panel]) -> Origin:
+def trace_sources(run: Run, panels: Sequence[Panel]) -> Sources:
     """The provenance of a run and of the cells that its report shows."""
     records = [cell.record for panel in panels for cell in panel.cells]
     made = [record.provenance for record in records] or [run.manifest.provenance]
-    return Origin(_facts(run, records, made), _commands(run), _references(panels))
+    return Sources(_facts(run, records, made), _commands(run), _references(panels))
 
 
 def _facts(run: Run, records: Sequence[Record], made: Sequence[Provenance]) -> list[tuple[str, str]]:
@@ -58,9 +58,7 @@ def _facts(run: Run, records: Sequence[Record], made: Sequence[Provenance]) -> l
 
 
 def _clock(records: Sequence[Record]) -> str:
-    """How far the wall clock, which the report shows, was ahead of the CPU's: a machine that was busy shows
-    itself here.
-    """
+    """The ratio of wall to CPU seconds, which shows a busy machine."""
     ratios = wall_over_cpu(records)
     if not ratios:
         return "no image took measurable CPU time"
@@ -82,7 +80,7 @@ def _commands(run: Run) -> list[str]:
 
 
 def _references(panels: Sequence[Panel]) -> Table:
-    """Each reference once, under the name of the first scene that used it."""
+    """Each reference once, under the name of its first scene."""
     found: dict[str, tuple[str, ReferenceInfo]] = {}
     for panel in panels:
         for cell in panel.cells:

@@ -1,4 +1,4 @@
-"""The tables of the report as headings and cells of text; the template only lays them out."""
+"""The tables of the report as headings and cells of text, which the template lays out."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 from pipeline.schema.record import PlanDecision, RayCounts
 from reports.figures import color
 from reports.formats import DASH, ends, listing, millions, plain, power_of_ten, scene_title, sig
-from reports.measures import HIGHER, Measure
-from reports.series import Panel, Point, Series, Settings, varied
+from reports.series import BELOW, HIGHER, Measure, Panel, Point, Series, Settings, root_of, varied
 
-# What the sweep's metrics are called at the head of a column; those left out stand elsewhere: as RMSE, by
-# region, or in the verdict.
+# Column titles of metrics. Those of ELSEWHERE have no column here: RMSE, regions and verdict show them.
 TITLES = {"relmse": "relMSE", "flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR"}
 UNITS = {"flip": "0 to 1", "ssim": "to 1", "psnr": "dB"}
-ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share", "umbra-leak")
+LEAK = "umbra-leak"
+ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share", LEAK)
 
 
 @dataclass(frozen=True)
@@ -30,8 +29,9 @@ class Heading:
 
 @dataclass(frozen=True)
 class Cell:
-    """text and, below it in small print, `range`; kind: CSS classes; color: a swatch before the text; title:
-    shown on hover.
+    """A text with `range` in small print below it.
+
+    kind: CSS classes. color: a swatch before the text. title: text on hover.
     """
 
     text: str
@@ -43,7 +43,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """first: whether a new group of rows begins."""
+    """A row of cells. first: it begins a new group of rows."""
 
     cells: tuple[Cell, ...]
     first: bool = False
@@ -51,7 +51,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """What the template needs."""
+    """Headings and rows."""
 
     headings: tuple[Heading, ...]
     rows: tuple[Row, ...]
@@ -79,9 +79,7 @@ def error_table(panel: Panel) -> Table:
 
 
 def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
-    """The rasterised picture, if there is one: no samples, no rays, and no efficiency, since no time makes
-    its error less.
-    """
+    """The rasterised image: no samples, no rays, and no efficiency, since no time lowers its error."""
     point = panel.baseline
     if point is None:
         return []
@@ -101,9 +99,7 @@ def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
 
 
 def _unit(found: Iterable[Measure]) -> int:
-    """The power of a thousand, as an exponent of ten, in which the least of these figures is still one or
-    more.
-    """
+    """The exponent of the power of a thousand in which the smallest of these figures is at least one."""
     values = [measure.value for measure in found if measure.value]
     return 3 * math.floor(math.log10(min(values)) / 3) if values else 0
 
@@ -131,16 +127,12 @@ def _scaled(found: Measure, factor: float) -> Measure:
 
 
 def value_cell(found: Measure, higher: bool = False) -> Cell:
-    """A number with its interval; a bound says which way (higher: a lower one); nothing where nothing may be
-    said.
-    """
+    """A number with its interval, a bound with its sign, or a dash. higher: a bound is a lower one."""
     if found.value is None:
         return Cell(DASH, kind="muted", title=found.note)
     if found.bound:
         sign = ">" if higher else "<"
-        return Cell(
-            f"{sign} {sig(found.value)}", kind="muted", title=found.note or "below the reference's noise"
-        )
+        return Cell(f"{sign} {sig(found.value)}", kind="muted", title=found.note or BELOW)
     return Cell(sig(found.value), range=ends(found))
 
 
@@ -150,14 +142,14 @@ def _verdict(point: Point) -> Cell:
             "untrustworthy", f"{point.doubted} of {len(point.cells)} images", "left bad", title=point.verdict
         )
     if point.rmse.bound:
-        return Cell("upper bound", kind="left muted", title="below the reference's noise")
+        return Cell("upper bound", kind="left muted", title=BELOW)
     if point.rmse.value is None:
         return Cell("no score", kind="left muted", title=point.rmse.note)
     return Cell("ok", kind="left")
 
 
 def samples_table(panel: Panel) -> Table:
-    """What the samples say of themselves along a parameter: the ground of every verdict."""
+    """The statistics of the samples along a parameter, from which each verdict follows."""
     headings = (
         Heading("estimator", words=True),
         Heading(panel.study.over),
@@ -182,10 +174,46 @@ def _samples_row(panel: Panel, series: Series, point: Point) -> Row:
     return Row(cells, first=point is panel.ordered(series)[0])
 
 
+def region_table(panel: Panel) -> Table | None:
+    """RMSE by region at each series' last point, with most samples or hardest; None without such scores."""
+    last = [(series, panel.ordered(series)[-1]) for series in panel.series if series.points]
+    pixels = _region_pixels([point for _, point in last])
+    if not pixels:
+        return None
+    leaks = any(LEAK in point.scores for _, point in last)
+    headings = (
+        Heading("estimator", words=True),
+        Heading("at", words=True),
+        *(Heading(name, f"{count:,} px") for name, count in pixels.items()),
+        *([Heading("umbra leak", "of all light")] if leaks else []),
+    )
+    return Table(
+        headings, tuple(_region_row(panel, series, point, list(pixels), leaks) for series, point in last)
+    )
+
+
+def _region_pixels(points: list[Point]) -> dict[str, int]:
+    """Every region with its number of pixels, from the first card that has it."""
+    found: dict[str, int] = {}
+    for card in (cell.card for point in points for cell in point.cells):
+        for name, part in (card.regions if card else {}).items():
+            found.setdefault(name, part.pixels)
+    return found
+
+
+def _region_row(panel: Panel, series: Series, point: Point, regions: list[str], leaks: bool) -> Row:
+    by_region = point.regions
+    cells = (
+        Cell(series.label, kind="left", color=color(panel, series)),
+        Cell(point.place, kind="left"),
+        *(value_cell(root_of(by_region.get(name, {}).get("mse", Measure(None)))) for name in regions),
+        *([value_cell(point.scores.get(LEAK, Measure(None)))] if leaks else []),
+    )
+    return Row(cells)
+
+
 def plan_table(panels: Iterable[Panel]) -> Table:
-    """Effect, decision and reason for each scene; variants of a scene with one and the same plan share their
-    rows.
-    """
+    """Effect, decision and reason for each scene. Variants of a scene with the same plan share rows."""
     headings = tuple(Heading(title, words=True) for title in ("scene", "effect", "needed", "reason"))
     groups: dict[tuple[str, tuple[PlanDecision, ...]], list[tuple[Settings, RayCounts]]] = {}
     for panel in panels:

@@ -1,9 +1,8 @@
 """The HDR flip viewer: linear images in a script file beside the page, shown by simpleimageio's flip book.
 
-The flip book is a script that needs no server: it has exposure, false colour, zoom, pan, a pixel magnifier
-and number keys. Its Python wrapper packs RGBE, which has neither NaN nor infinity nor negative values; a
-viewer in a report about numerical trouble must show those, so that pictures go in as half or single floats,
-which the same script reads.
+The flip book needs no server. It has exposure, false colour, zoom, pan, a pixel magnifier and number keys.
+Its Python wrapper packs RGBE, which holds neither NaN nor infinity nor negative values. A report about
+numerical trouble must show those, so that this module passes half or single floats to the same script.
 """
 
 from __future__ import annotations
@@ -20,12 +19,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-HALF_LEAST, HALF_MOST = (
-    0.1,
-    65504.0,
-)  # the script reads halves below 6e-5 as 0: good for pictures brighter than this
-# A flip book draws each of its pictures with a WebGL context of its own, of which browsers keep 16: it starts
-# when it comes near.
+# The script reads halves below 6e-5 as 0, so that only images whose peak lies in this range are halves.
+HALF_LEAST, HALF_MOST = 0.1, 65504.0
+# Each image of a flip book takes a WebGL context, and a browser keeps 16: a book starts when it comes near.
 START = """{
   const book = DATA;
   const place = document.getElementById(book.containerId);
@@ -40,8 +36,9 @@ MAX_IMAGES = 10  # the flip book's number keys: 1 to 9, then 0
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One page of a flip book. pixels: (h, w, 3) linear radiance, or (h, w) for a map, shown in false colour
-    from 0 to `limit`.
+    """One page of a flip book.
+
+    pixels: (h, w, 3) linear radiance, or an (h, w) map in false colour from 0 to `limit`.
     """
 
     name: str
@@ -55,10 +52,9 @@ def flipbook_source() -> str:
 
 
 def flip_script(container: str, pictures: Sequence[Picture], exposure: float = 0.0) -> str:
-    """A script that fills the element `container` with a flip book of `pictures`, all of one size, `exposure`
-    stops brighter.
+    """A script that fills the element `container` with a flip book of `pictures`, `exposure` stops brighter.
 
-    Raises ValueError for no pictures, more than the number keys reach, or pictures of different sizes.
+    Raises ValueError without pictures, for more than the number keys reach, and for different sizes.
     """
     if not 0 < len(pictures) <= MAX_IMAGES:
         raise ValueError(f"a flip book takes 1 to {MAX_IMAGES} pictures, not {len(pictures)}")
@@ -91,7 +87,7 @@ def _tone(picture: Picture) -> dict[str, Any] | None:
 
 
 def _encode(pixels: Array) -> tuple[str, bytes]:
-    """Half floats where these hold all that the eye could see of a colour picture, else single floats."""
+    """Half floats where they hold all that is visible of a colour image, else single floats."""
     peak = float(np.max(np.abs(pixels), where=np.isfinite(pixels), initial=0.0))
     if pixels.ndim == 3 and HALF_LEAST <= peak <= HALF_MOST:
         return "half", pixels.astype("<f2").tobytes()

@@ -43,8 +43,9 @@ PIXELS = """canvas => {
 }"""
 # What sticks out of the window, but for what scrolls inside its own box.
 OVERHANG = """() => Array.from(document.querySelectorAll("main *"))
-  .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1 && !e.closest(".scroll *, .plot svg, .flip *"))
-  .map(e => e.tagName + "." + e.className)"""  # noqa: E501
+  .filter(e => e.getBoundingClientRect().right > window.innerWidth + 1)
+  .filter(e => !e.closest(".scroll *, .plot svg, .flip *"))
+  .map(e => e.tagName + "." + e.className)"""
 
 
 @dataclass

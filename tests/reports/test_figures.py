@@ -9,8 +9,15 @@ from typing import Any
 import pytest
 
 from pipeline.store.run_folder import load_run
-from reports.axes import Span, span, ticks
-from reports.figures import BOUND, REFUSED, error_against_parameter, error_against_time
+from reports.figures import (
+    BOUND,
+    REFUSED,
+    Span,
+    error_against_parameter,
+    error_against_time,
+    span,
+    ticks,
+)
 from reports.series import select_studies
 from tests.kit.small_run import FORBIDDEN, GAPS, SECONDS, SIGMA, SPP
 

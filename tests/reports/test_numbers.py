@@ -13,6 +13,8 @@ from pipeline.schema.record import Score, Seconds
 from pipeline.statistics.slopes import halving_cost
 from pipeline.store.run_folder import Run, load_run
 from reports.findings import (
+    by_estimator,
+    by_sampler,
     cost_sentences,
     left_out_sentences,
     promise_accuracy,
@@ -22,7 +24,6 @@ from reports.findings import (
 )
 from reports.formats import count, ends, interval, listing, millions, plain, power_of_ten, sig, spread
 from reports.series import Measure, Panel, Series, select_studies
-from reports.trends import by_estimator, by_sampler, fitted_slope, last_slope, sample_slope
 from tests.kit.small_run import GAPS, SECONDS, SEEDS, SIGMA, SPP, SPREAD
 
 
@@ -75,7 +76,7 @@ def test_a_bound_is_no_measured_point(samples: Panel) -> None:
     series = line(samples, "area", "sobol")
     last = series.points[-1]
     assert last.rmse.bound and not last.rmse.measured and last.efficiency.value is None
-    slope = last_slope(series)
+    slope = series.last_slope()
     assert slope is not None
     assert (slope[1].spp, slope[2].spp) == (4, 16)
     assert slope[0].value == pytest.approx(-1)
@@ -84,7 +85,7 @@ def test_a_bound_is_no_measured_point(samples: Panel) -> None:
 
 def test_slopes_of_independent_samples(samples: Panel) -> None:
     for estimator in SIGMA:
-        fitted, alone = fitted_slope(line(samples, estimator)), sample_slope(line(samples, estimator))
+        fitted, alone = line(samples, estimator).fitted_slope(), line(samples, estimator).sample_slope()
         assert fitted is not None and alone is not None
         assert (fitted.value, alone.value) == pytest.approx((-0.5, -0.5))
         assert halving_cost(fitted).value == pytest.approx(4)
@@ -92,7 +93,7 @@ def test_slopes_of_independent_samples(samples: Panel) -> None:
 
 def test_no_slope_from_one_point(samples: Panel) -> None:
     one = replace(line(samples, "area"), points=line(samples, "area").points[:1])
-    assert fitted_slope(one) is None and last_slope(one) is None and sample_slope(one) is None
+    assert one.fitted_slope() is None and one.last_slope() is None and one.sample_slope() is None
     assert "no cost can be told" in cost_sentences(replace(samples, series=(one,)))[0]
 
 

@@ -9,13 +9,10 @@ import pytest
 from pipeline.schema.record import Score
 from pipeline.statistics.intervals import Interval
 from pipeline.store.run_folder import load_run
-from reports.findings import _ratios  # pyright: ignore[reportPrivateUsage]
-from reports.measures import measure_all
+from reports.findings import Comparison, _ratios, by_estimator  # pyright: ignore[reportPrivateUsage]
 from reports.page import write_report
-from reports.region_table import region_table
-from reports.series import Panel, select_studies
-from reports.tables import error_table, value_cell
-from reports.trends import Comparison, by_estimator
+from reports.series import Panel, measure_all, select_studies
+from reports.tables import error_table, region_table, value_cell
 from tests.kit.small_run import HEIGHT, LEAK, PIXELS, SIGMA, SPP, WIDTH, write_run
 
 
