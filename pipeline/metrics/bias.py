@@ -1,4 +1,4 @@
-"""Mean signed error: what is left of an error when noise averages out."""
+"""Mean signed error: the part of an error that averaging does not remove."""
 
 from __future__ import annotations
 
@@ -7,31 +7,20 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import (
-    METRICS,
-    Better,
-    Estimate,
-    Image,
-    Judges,
-    Mask,
-    Measured,
-    Reference,
-    measured,
-)
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
 from pipeline.scoring.spread import standard_error
-from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.intervals import NORMAL
 
 
 @final
 class Bias:
-    """Mean over pixels and channels of estimate - reference, in radiance: 0 for an unbiased estimator, up to
-    its interval.
+    """Mean over pixels and channels of estimate - reference; an unbiased estimator's interval covers 0.
 
-    The interval is normal, from the variances of both sides where both are known, channels taken as fully
-    correlated; without the estimate's, from the spread of differences among neighbours (spread.py), which
-    holds the reference's noise too. A deterministic reference widens it by its mean error bound. A test of
-    the null hypothesis is `penumbra verify`'s.
+    The interval is normal, from the variances of both sides with channels taken as fully correlated. Without
+    the estimate's variance it comes from the spread of differences among neighbours (spread.py), which holds
+    the reference's noise too. A deterministic reference widens it by its mean error bound. `penumbra verify`
+    tests the null hypothesis. The map is the mean signed difference over channels.
     """
 
     name = "bias"
@@ -42,7 +31,6 @@ class Bias:
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): mean signed difference over channels."""
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         pixel: Image = np.mean(estimate.mean - reference.mean, axis=-1)

@@ -9,34 +9,22 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import (
-    METRICS,
-    Better,
-    Estimate,
-    Image,
-    Judges,
-    Mask,
-    Measured,
-    Reference,
-    measured,
-)
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE
 from pipeline.scoring.tone import displayed, exposure, shown_noise
-from pipeline.scoring.undefined import defect, undefined
 
 
 @final
 class Ciede2000:
-    """Mean over pixels of the CIEDE2000 colour difference [sharma2005] of the pictures as displayed, white
-    point D65.
+    """Mean CIEDE2000 colour difference [sharma2005] of the displayed pictures' pixels, white point D65.
 
-    Exposed for the reference, sRGB, clipped to [0, 1]. About 1 is just noticeable side by side. It looks at
-    pixels, not at what surrounds them, so that fine noise counts as much as a shift of the same size; `flip`
-    blurs as an eye does. Neither the reference's variance nor its error bound is taken off or put into the
-    interval: the formula jumps where hues are 180 degrees apart, so that nothing bounds what a small change
-    of the reference does. The value is an upper end where what they may do to the displayed picture exceeds a
-    tenth of its squared difference.
+    Exposed for the reference, sRGB, clipped to [0, 1]. About 1 is just noticeable side by side. It compares
+    single pixels, so that fine noise counts as much as a shift of the same size; `flip` blurs as an eye does.
+    The formula jumps where hues are 180 degrees apart: no bound holds for a small change of the reference,
+    and neither its variance nor its error bound enters the interval. Where they may move the displayed
+    picture by more than a tenth of its squared difference, the value is the interval's upper end, as a bound.
     """
 
     name = "ciede2000"
@@ -47,9 +35,6 @@ class Ciede2000:
     source = "[sharma2005]; colour-science, delta_E_CIE2000"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval, an upper bound where the reference's noise hides more; map (h, w) of the
-        difference.
-        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         scale = exposure(reference.mean)
@@ -59,9 +44,8 @@ class Ciede2000:
         def over(mask: Mask) -> Score:
             value, note = float(np.mean(pixel[mask])), f"exposure {scale:.4g}"
             low, high = scale_interval(value, standard_error(pixel, mask))
-            if value > 0 and shown_noise(reference, scale, mask) > NOISE_SHARE * float(
-                np.mean(squared[mask])
-            ):
+            difference = float(np.mean(squared[mask]))
+            if value > 0 and shown_noise(reference, scale, mask) > NOISE_SHARE * difference:
                 note = f"{note}; {BELOW_NOISE}"
                 return Score(metric=self.name, value=high, low=0.0, high=high, bound=True, note=note)
             return Score(metric=self.name, value=value, low=low, high=high, note=note)
@@ -71,8 +55,7 @@ class Ciede2000:
 
 def _difference(shown: Image, truth: Image) -> Image:
     """(h, w) colour differences of sRGB-encoded images (h, w, 3)."""
-    # Imported here: it takes a second, and it warns of the plotting library that it could use and nothing
-    # here needs.
+    # Imported here: it takes a second, and warns of a plotting library that is not needed.
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message='.*"Matplotlib" related API')
         import colour

@@ -1,4 +1,4 @@
-"""The largest sample's share in all reflected light: whether one lucky draw carries the image."""
+"""The largest sample's share of all reflected light: does one lucky draw carry the image?"""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
-from pipeline.scoring.undefined import same_size, undefined
+from pipeline.scoring.answers import measured, same_size, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
 from pipeline.statistics.heavy_tail import SHARE_LIMIT
 
 
 @final
 class LargestShare:
-    """The largest sample of reflected light over the sum of all, in the channel where that is greatest, 0 to
-    1.
+    """The largest sample of reflected light over the sum of all, 0 to 1, the greatest over channels.
 
-    From a tenth on a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds
-    their largest reflected sample see a light directly and are left out. A share is a property of this draw
-    and has no interval; a small one proves nothing, as the samples that matter may not have been drawn yet:
-    the verdict in the record asks Hill's index too [hill1975].
+    At a tenth, a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds their
+    largest reflected sample see a light directly and are left out. A share is a property of this draw and has
+    no interval. A small share proves nothing, as the samples that matter may not have been drawn yet: the
+    verdict in the record asks Hill's index too [hill1975]. The map is each pixel's largest sample over the
+    light of the whole image.
     """
 
     name = "largest-share"
@@ -31,9 +31,6 @@ class LargestShare:
     source = "statistics/heavy_tail.py"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score; map (h, w): what each pixel's own largest sample is of all the reflected light, the greatest
-        over channels.
-        """
         same_size(estimate, reference)
         if estimate.maximum is None or estimate.count is None:
             return undefined(self.name, "an image alone does not tell its samples")

@@ -1,4 +1,4 @@
-"""The render's own standard error: what it says of its noise, without any reference."""
+"""The render's own standard error, without any reference."""
 
 from __future__ import annotations
 
@@ -7,27 +7,18 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import (
-    METRICS,
-    Better,
-    Estimate,
-    Image,
-    Judges,
-    Mask,
-    Measured,
-    Reference,
-    measured,
-)
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
-from pipeline.scoring.undefined import defect, undefined
 
 
 @final
 class Noise:
-    """Root mean square over pixels and channels of the standard error of the mean, in radiance.
+    """Root mean square over pixels and channels of the standard error of the mean.
 
-    Known for independent samples, two a pixel or more. Beside `rmse` it tells bias from noise: an unbiased
-    render's RMSE is its noise. A heavy tail hides itself from both (see `largest-share`).
+    It needs two independent samples a pixel. Beside `rmse` it tells bias from noise: an unbiased render's
+    RMSE is its noise. A heavy tail hides itself from both (see `largest-share`). The map is the root mean
+    square over channels.
     """
 
     name = "noise"
@@ -38,7 +29,6 @@ class Noise:
     source = "[pharr2023] sec. 2.1.3"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): root mean square over channels of the standard error."""
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         if estimate.variance is None or not np.isfinite(estimate.variance).all():

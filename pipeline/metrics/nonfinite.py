@@ -1,4 +1,4 @@
-"""Pixels that are no numbers, counted apart: every other metric is undefined as soon as there is one."""
+"""Non-finite pixels, counted apart: a single one makes every other metric undefined."""
 
 from __future__ import annotations
 
@@ -7,22 +7,13 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import (
-    METRICS,
-    Better,
-    Estimate,
-    Image,
-    Judges,
-    Mask,
-    Measured,
-    Reference,
-    measured,
-)
+from pipeline.scoring.answers import measured
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
 
 
 @final
 class NonFinite:
-    """How many pixels of the estimate have a channel that is infinite or no number."""
+    """The number of the estimate's pixels with an infinite or undefined channel; the map is 1 there."""
 
     name = "nonfinite"
     title = "Non-finite pixels"
@@ -32,10 +23,6 @@ class NonFinite:
     source = "IEEE 754"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """The count, which is exact; map (h, w): 1 at such a pixel, 0 elsewhere.
-
-        Looks at the estimate alone.
-        """
         bad: Image = np.where(np.isfinite(estimate.mean).all(axis=-1), 0.0, 1.0)
 
         def over(mask: Mask) -> Score:

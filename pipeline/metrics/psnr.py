@@ -9,21 +9,21 @@ import numpy as np
 from skimage.metrics import peak_signal_noise_ratio
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
 from pipeline.scoring.tone import displayed, exposure, shown_noise
-from pipeline.scoring.undefined import defect, undefined
 
 
 @final
 class Psnr:
-    """10 log10(1 / MSE) of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1],
-    data range 1.
+    """10 log10(1 / MSE) of the displayed pictures: exposed for the reference, sRGB, clipped to [0, 1].
 
-    The interval is that of the displayed pictures' MSE, taken through the logarithm. The reference's noise is
-    in it; where that makes up more than a tenth of the difference, the value is the interval's lower end and
-    is marked as a bound. A deterministic reference's error bound, as displayed, moves the ends out.
+    The interval is that of the displayed pictures' MSE, taken through the logarithm; equal pictures score
+    infinity. The reference's noise is part of the difference: above a tenth of it, the value is the
+    interval's lower end and is marked as a bound. A deterministic reference's error bound, as displayed,
+    moves the ends out. The map is the squared difference.
     """
 
     name = "psnr"
@@ -34,9 +34,6 @@ class Psnr:
     source = "scikit-image, peak_signal_noise_ratio"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval, infinite for equal pictures; map (h, w): squared difference of the
-        displayed pictures.
-        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         scale = exposure(reference.mean)
@@ -45,10 +42,8 @@ class Psnr:
 
         def over(mask: Mask) -> Score:
             mean, note = float(np.mean(squared[mask])), f"exposure {scale:.4g}"
-            ends, noise = (
-                scale_interval(mean, standard_error(squared, mask)),
-                shown_noise(reference, scale, mask),
-            )
+            ends = scale_interval(mean, standard_error(squared, mask))
+            noise = shown_noise(reference, scale, mask)
             ends = ends if reference.batches else within_bound(mean, ends, noise)[:2]
             high, low = (_decibels(x) for x in ends)
             if noise > NOISE_SHARE * mean:

@@ -1,4 +1,4 @@
-"""relMSE without its worst 0.1 % of values: what is left when fireflies are set aside."""
+"""relMSE without its worst 0.1 % of values, that is with fireflies set aside."""
 
 from __future__ import annotations
 
@@ -7,20 +7,10 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import (
-    METRICS,
-    Better,
-    Estimate,
-    Image,
-    Judges,
-    Mask,
-    Measured,
-    Reference,
-    measured,
-)
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
-from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.intervals import NORMAL
 
 FLOOR = 0.01  # squared radiance
@@ -29,15 +19,14 @@ TRIMMED = 0.001  # of all values, a pixel having three
 
 @final
 class RelMseTrimmed:
-    """Mean of d^2 / (r^2 + 0.01) over channels, the largest 0.1 % of these values left out, the reference's
-    variance subtracted.
+    """Mean of d^2 / (r^2 + 0.01) without the largest 0.1 % of its values, less the reference's variance.
 
-    Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963]. A
-    trimmed mean of errors is no mean squared error: two estimators may be ranked by it only beside `relmse`
-    and `firefly`, which tell what was set aside. From a deterministic reference nothing is subtracted: its
-    error bound moves the root of the score by its own weighted root mean square at most, and so the
-    interval's ends (the values kept are those of the least sum, so that the triangle inequality holds for
-    what is kept as well). It is simpleimageio's but where the reference is black: there that one scores 0.
+    Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963].
+    A trimmed mean is no mean squared error: rank estimators by it only beside `relmse` and `firefly`, which
+    tell how much was set aside. A deterministic reference's bound moves the root of the score, and so the
+    interval's ends, by its own weighted root mean square at most: the kept values are those of the least sum,
+    so that the triangle inequality holds for them too. simpleimageio's differs where the reference is black:
+    there it scores 0. The map is d^2 / (r^2 + 0.01) before trimming.
     """
 
     name = "relmse-trimmed"
@@ -48,9 +37,6 @@ class RelMseTrimmed:
     source = "[tukey1963]; simpleimageio 1.13, relative_mse_outlier_rejection"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): d^2 / (r^2 + 0.01) before anything is left out, mean over
-        channels.
-        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         weight = 1.0 / (reference.mean**2 + FLOOR)

@@ -9,19 +9,9 @@ import numpy as np
 from skimage.metrics import structural_similarity
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import (
-    METRICS,
-    Better,
-    Estimate,
-    Image,
-    Judges,
-    Mask,
-    Measured,
-    Reference,
-    measured,
-)
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
 from pipeline.scoring.tone import displayed, exposure
-from pipeline.scoring.undefined import defect, undefined
 
 WINDOW = 11  # pixels; a gaussian of standard deviation 1.5, cut at 3.5 of them
 BORDER = (WINDOW - 1) // 2
@@ -29,12 +19,11 @@ BORDER = (WINDOW - 1) // 2
 
 @final
 class Ssim:
-    """SSIM [wang2004] of the pictures as displayed: exposed for the reference, sRGB, clipped to [0, 1], data
-    range 1.
+    """SSIM [wang2004] of the displayed pictures: exposed for the reference, sRGB, clipped to [0, 1].
 
-    Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, per channel, mean over channels and over all pixels
-    whose window lies inside; of a region, over its own pixels among those. Windows overlap, so that one image
-    gives no interval: replicate seeds do.
+    Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, data range 1; mean over channels and over all pixels
+    whose window lies inside the picture, which needs 11 x 11 pixels. Equal pictures score 1. Windows overlap,
+    so that one image gives no interval: replicate seeds do.
     """
 
     name = "ssim"
@@ -45,7 +34,6 @@ class Ssim:
     source = "[wang2004]; scikit-image, structural_similarity"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score, 1 for equal pictures; map (h, w) of the local similarity. Undefined below 11 x 11 pixels."""
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         if min(estimate.mean.shape[:2]) < WINDOW:
@@ -58,9 +46,8 @@ class Ssim:
         def over(mask: Mask) -> Score:
             inside = mask & whole
             if not inside.any():
-                return Score(
-                    metric=self.name, value=None, note="no pixel here has its whole window in the picture"
-                )
+                note = "no pixel here has its whole window in the picture"
+                return Score(metric=self.name, value=None, note=note)
             return Score(metric=self.name, value=float(np.mean(local[inside])), note=f"exposure {scale:.4g}")
 
         return measured(local.shape, over, local)

@@ -1,4 +1,4 @@
-"""Umbra leak: light where there is none, the truth being exactly 0."""
+"""Umbra leak: light in pixels whose true radiance is exactly 0."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from typing import final
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference, measured
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
-from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.numerics import box_maximum
 
 
 @final
 class UmbraLeak:
-    """Sum of |estimate| over the pixels in the umbra, over the sum of the reference over the whole image: 0
-    for a correct shadow test.
+    """Sum of |estimate| over the umbra, over the sum of the reference: 0 for a correct shadow test.
 
-    Every sample in the umbra is blocked, so that any light there is an error of the renderer (an epsilon, a
-    light that shines through what it touches), and no noise. The umbra is that of the visibility pass
-    (pipeline/studies/regions.py) where the reference is black too; without one, the pixels that are black in
-    the reference, as are all their neighbours, and whose variance is 0.
+    Every sample in the umbra is blocked: any light there is an error of the renderer, such as an epsilon or a
+    light that shines through its support, and no noise. The umbra is that of the visibility pass
+    (pipeline/studies/regions.py) where the reference is black too. Without a pass it is the pixels that are
+    black in the reference, variance included, as are all their neighbours.
     """
 
     name = "umbra-leak"
@@ -32,10 +31,6 @@ class UmbraLeak:
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score with its interval; map (h, w): |estimate| in the umbra, mean over channels, 0 elsewhere.
-
-        Undefined without an umbra.
-        """
         if note := defect(estimate, reference):
             return undefined(self.name, note)
         umbra = black(reference) if reference.umbra is None else reference.umbra
@@ -52,9 +47,8 @@ class UmbraLeak:
             if value == 0.0:
                 return Score(metric=self.name, value=0.0, low=0.0, high=0.0, note=f"{pixels:,} pixels")
             if light == 0.0:
-                return Score(
-                    metric=self.name, value=None, note="the reference is black: no light to take a share of"
-                )
+                note = "the reference is black: no light to take a share of"
+                return Score(metric=self.name, value=None, note=note)
             low, high = scale_interval(value, standard_error(leak, inside))
             share = pixels / light
             note = f"{pixels:,} pixels, {np.count_nonzero(leak[inside]):,} of them lit"

@@ -1,5 +1,6 @@
-"""Means of absolute differences, plain or relative: no variance can be subtracted from them, so that noise
-makes them bounds.
+"""Means of absolute differences, plain or relative.
+
+No variance can be subtracted from them: the reference's noise makes them bounds.
 """
 
 from __future__ import annotations
@@ -7,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import Estimate, Image, Mask, Measured, Reference, measured
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import Estimate, Image, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, noise_limit, squared_error
-from pipeline.scoring.undefined import defect, undefined
 
 
 def absolute_score(
@@ -22,12 +23,11 @@ def absolute_score(
 ) -> Measured:
     """Mean over pixels and channels of |estimate - reference| * weight, with its interval.
 
-    The reference's noise is in it and only ever adds to its expectation (a mean of |d + e| over errors e of
-    mean 0 is no less than |d|), by at most 5 % where the reference's variance is a tenth of the squared
-    error; beyond that the upper end is given, as a bound. A deterministic reference (0 batches) may be off by
-    b, of unknown sign: no pixel's score then by more than b * steepest, so that both ends of the interval
-    move out by the mean of that. steepest: (h, w, 3), what the score changes by at most per change of the
-    reference; `weight` if not given.
+    The reference's noise only ever adds to the expectation: a mean of |d + e| over errors e of mean 0 is no
+    less than |d|. It adds at most 5 % where the reference's variance is a tenth of the squared error; beyond
+    that the upper end is given, as a bound. A deterministic reference (0 batches) may be off by b, of unknown
+    sign. No pixel's score is then off by more than b * steepest, so that both ends of the interval move out
+    by its mean. steepest: (h, w, 3), the largest slope of the score in the reference; default: `weight`.
     """
     if note := defect(estimate, reference):
         return undefined(metric, note)

@@ -1,4 +1,4 @@
-"""What a metric is given and what it answers."""
+"""The protocol of a metric, its arguments and its answer."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The image it is measured against. mean, variance (of the mean): (h, w, 3); batches: what the variance
-    was estimated from.
+    """The image that an estimate is measured against.
 
-    umbra: (h, w), the pixels that no light reaches, None where no visibility pass told them.
+    mean, variance (of the mean): (h, w, 3). batches: how many the variance comes from; 0: the reference is
+    deterministic, and the variance is the square of its error bound. umbra: (h, w), the pixels that no light
+    reaches; None without a visibility pass.
     """
 
     mean: Image
@@ -48,10 +49,9 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """over: the score of the pixels of a mask (h, w), which holds one pixel at least. map: (h, w), where the
-    metric has one.
+    """score: of the whole image. over: the score of the pixels of a mask (h, w) with at least one pixel.
 
-    score: that of the whole image. The map is computed once, however many regions are asked for.
+    map: (h, w), where the metric has one; it is computed once, however many regions are asked for.
     """
 
     score: Score
@@ -61,12 +61,11 @@ class Measured:
 
 @runtime_checkable
 class Metric(Protocol):
-    """`better` says which way is good, "zero" that either sign is bad; `unit` is for axes and tables;
-    `source`: who defines it.
+    """A figure of merit. better: the good direction, "zero" if either sign is bad. source: who defines it.
 
     judges: "error" grows with any difference, noise or bias; "bias" is a mean of signed differences, in which
-    noise averages out; "samples" asks the estimate's own samples and not the reference; "defects" counts what
-    should not be there at all.
+    noise averages out; "samples" asks the estimate's own samples and not the reference; "defects" counts
+    artefacts.
     """
 
     name: str
@@ -85,8 +84,3 @@ class Metric(Protocol):
 
 
 METRICS: Registry[Metric] = Registry("metric", "pipeline.metrics")
-
-
-def measured(shape: tuple[int, ...], over: Callable[[Mask], Score], map: Image | None = None) -> Measured:
-    """A metric's answer from its score over a mask. shape: of the image, (h, w) or (h, w, 3)."""
-    return Measured(over(np.ones(shape[:2], dtype=np.bool_)), over, map)

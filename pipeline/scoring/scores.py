@@ -1,6 +1,4 @@
-"""Scores of one image against one reference, by every metric or by those named, over the whole image and over
-regions.
-"""
+"""Scores of one image against one reference, over the whole image and over regions."""
 
 from __future__ import annotations
 
@@ -15,18 +13,16 @@ from pipeline.scoring.metric import METRICS, Estimate, Mask, Measured, Reference
 def score(
     estimate: Estimate, reference: Reference, names: Iterable[str] | None = None
 ) -> dict[str, Measured]:
-    """What each metric says, by its name, in the order given (sorted, if none is given).
+    """Each metric's answer by its name; names: in this order, every metric if None.
 
-    Raises PenumbraError for an unknown name, and where the two images differ in size.
+    PenumbraError for an unknown name, and where the two images differ in size.
     """
     chosen = METRICS.names() if names is None else list(names)
     return {name: METRICS[name](estimate, reference) for name in chosen}
 
 
 def score_regions(measured: Mapping[str, Measured], masks: Mapping[str, Mask]) -> dict[str, RegionScores]:
-    """What each metric says of each region, by the region's name. masks: (h, w), each with a pixel at
-    least.
-    """
+    """Each metric's score of each region. masks: (h, w), each with at least one pixel."""
     return {
         region: RegionScores(
             pixels=int(np.count_nonzero(mask)),

@@ -22,8 +22,7 @@ from pipeline.statistics.intervals import NORMAL
 
 
 def standard_error(pixel: Image, mask: Mask | None = None) -> float:
-    """Of the mean of a map of independent pixels over a mask, from the spread within blocks of 2 x 2; too
-    small by chance only.
+    """Standard error of the mean over a mask of independent pixels, from the spread within 2 x 2 blocks.
 
     pixel, mask: (h, w). A block of m pixels adds m times its sample variance to the estimated sum of the
     pixels' variances; an odd row or column joins the block before it. Where a mask leaves single pixels in

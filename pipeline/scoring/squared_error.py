@@ -18,27 +18,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.record import Score
-from pipeline.scoring.metric import Estimate, Image, Mask, Measured, Reference, measured
+from pipeline.scoring.answers import defect, measured, undefined
+from pipeline.scoring.metric import Estimate, Image, Mask, Measured, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
-from pipeline.scoring.undefined import defect, undefined
 from pipeline.statistics.intervals import NORMAL
 
-NOISE_SHARE = (
-    0.1  # of the measured error; more of the reference's own variance makes the figure an upper bound
-)
-DEPENDENT = (
-    5.0  # standard errors below zero: an independent estimate is never that close to a noisy reference
-)
+NOISE_SHARE = 0.1  # of the measured error; a larger reference variance makes the figure an upper bound
+DEPENDENT = 5.0  # standard errors below zero: no independent estimate is that close to a noisy reference
 BELOW_NOISE = "below reference noise"
 
 
 @dataclass(frozen=True, eq=False)
 class SquaredError:
-    """value with its 95 % interval; bound: value is the upper end. note: why it is a bound, or undefined
-    (value None).
+    """value with its 95 % interval. bound: value is the upper end. note: why it is a bound, or None.
 
     map: (h, w), q of each pixel, negative where the estimate is closer to the reference than that one's own
-    noise; its mean is the measured error, which `value` is unless it is a bound.
+    noise. Its mean is the measured error, which `value` is unless it is a bound.
     """
 
     value: float | None
@@ -55,7 +50,7 @@ def squared_error(
     """The mean over the pixels of a mask and channels of weight * (d^2 - v), with its interval.
 
     weight: (h, w, 3) or one for all. mask: (h, w), all pixels if not given. All pixels must be finite (see
-    `undefined.defect`).
+    `answers.defect`).
     """
     raw: Image = np.mean((estimate.mean - reference.mean) ** 2 * weight, axis=-1)
     noise: Image = np.mean(reference.variance * weight, axis=-1)
@@ -68,7 +63,7 @@ def squared_error(
 def weighted_score(
     metric: str, estimate: Estimate, reference: Reference, weight: Image | float = 1.0
 ) -> Measured:
-    """What a metric answers that is a weighted mean squared error."""
+    """The answer of a metric that is a weighted mean squared error."""
     if note := defect(estimate, reference):
         return undefined(metric, note)
 
@@ -79,10 +74,9 @@ def weighted_score(
 
 
 def to_score(metric: str, error: SquaredError) -> Score:
-    """Without its map."""
-    return Score(
-        metric=metric, value=error.value, low=error.low, high=error.high, bound=error.bound, note=error.note
-    )
+    """The score of a metric, without the map."""
+    value, low, high = error.value, error.low, error.high
+    return Score(metric=metric, value=value, low=low, high=high, bound=error.bound, note=error.note)
 
 
 def noise_limit(error: SquaredError) -> bool:
@@ -93,11 +87,8 @@ def noise_limit(error: SquaredError) -> bool:
 def _debiased(raw: Image, noise: Image, inside: Mask) -> SquaredError:
     """Against a reference with a sampled variance. raw: (h, w), d^2. noise: (h, w), v. inside: (h, w)."""
     pixel = raw - noise
-    value, error, share = (
-        float(np.mean(pixel[inside])),
-        standard_error(pixel, inside),
-        float(np.mean(noise[inside])),
-    )
+    value, share = float(np.mean(pixel[inside])), float(np.mean(noise[inside]))
+    error = standard_error(pixel, inside)
     if value + DEPENDENT * error < 0 and float(np.mean(raw[inside])) < 0.5 * share:
         note = "closer to the reference than the reference's own noise: the two are not independent"
         return SquaredError(None, None, None, False, note, pixel)
@@ -108,17 +99,16 @@ def _debiased(raw: Image, noise: Image, inside: Mask) -> SquaredError:
 
 
 def _within_bound(raw: Image, squared_bound: float, inside: Mask) -> SquaredError:
-    """Against a deterministic reference whose error is bounded. raw, inside: (h, w). squared_bound: the mean
-    of b^2.
-    """
+    """Against a deterministic reference. raw, inside: (h, w). squared_bound: the mean of b^2."""
     value = float(np.mean(raw[inside]))
     low, high, hidden = within_bound(value, scale_interval(value, standard_error(raw, inside)), squared_bound)
     return SquaredError(high if hidden else value, low, high, hidden, BELOW_NOISE if hidden else "", raw)
 
 
 def within_bound(value: float, ends: tuple[float, float], squared_bound: float) -> tuple[float, float, bool]:
-    """The ends of a squared error's interval moved out for a reference that is off by rms
-    `sqrt(squared_bound)` at most, and whether that hides it.
+    """Widen a squared error's interval for a reference that is off by rms `sqrt(squared_bound)` at most.
+
+    Returns low, high, and whether the bound hides the error.
     """
     slack = np.sqrt(squared_bound)
     low, high = max(np.sqrt(ends[0]) - slack, 0.0) ** 2, (np.sqrt(ends[1]) + slack) ** 2

@@ -1,9 +1,8 @@
-"""From radiance to what a display shows, for the metrics that judge pictures: exposure, sRGB encoding,
-clipping to [0, 1].
+"""Display encoding for the metrics that judge pictures: exposure, sRGB, clipping to [0, 1].
 
-The exposure is a property of the reference, so that all estimates of a scene are shown alike: it puts the
+The exposure is a property of the reference, so that all estimates of a scene are shown alike. It puts the
 median luminance of the lit pixels at 0.18, middle gray (0.46 after encoding). The median, unlike a mean, does
-not ask how bright a light in view is; unlit background does not count.
+not depend on how bright a light in view is; unlit background does not count.
 """
 
 from __future__ import annotations
@@ -29,9 +28,7 @@ def lit_luminance(reference: Image) -> Image | None:
 
 
 def exposure(reference: Image) -> float:
-    """The factor that puts the median luminance of the reference's lit pixels at 0.18; 1 for a black
-    reference.
-    """
+    """The factor that puts the median lit luminance of the reference at 0.18; 1 for a black one."""
     lit = lit_luminance(reference)
     return 1.0 if lit is None else MIDDLE_GRAY / float(np.median(lit))
 
@@ -42,18 +39,15 @@ def clipped(image: Image, scale: float) -> Image:
 
 
 def displayed(image: Image, scale: float) -> Image:
-    """Scaled, clipped to [0, 1] and sRGB-encoded [iec61966]. image: (h, w, 3), linear RGB -> (h, w, 3) in [0,
-    1].
-    """
+    """Scaled, clipped and sRGB-encoded [iec61966]: (h, w, 3) linear RGB -> (h, w, 3) in [0, 1]."""
     linear = clipped(image, scale)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def shown_noise(reference: Reference, scale: float, mask: Mask) -> float:
-    """Mean square over a mask (h, w) of one standard error of the reference, as displayed: up or down,
-    whichever shows more.
+    """Mean square over a mask (h, w) of one standard error of the reference, as displayed.
 
-    Where the reference is at the display's white, an error upwards is clipped away and one downwards is not.
+    The larger of a shift up and a shift down counts: at the display's white a shift up is clipped away.
     """
     shown, error = displayed(reference.mean, scale), np.sqrt(reference.variance)
     shifts = (np.abs(displayed(reference.mean + way * error, scale) - shown) for way in (1.0, -1.0))

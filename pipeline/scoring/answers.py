@@ -1,6 +1,8 @@
-"""When a metric has no value: one place that says so, for all of them."""
+"""The answers that metrics share: a score over masks, and why there is none."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -9,8 +11,13 @@ from pipeline.scoring.metric import Estimate, Image, Mask, Measured, Reference
 from scenes.errors import PenumbraError
 
 
+def measured(shape: tuple[int, ...], over: Callable[[Mask], Score], map: Image | None = None) -> Measured:
+    """A metric's answer from its score over a mask. shape: of the image, (h, w) or (h, w, 3)."""
+    return Measured(over(np.ones(shape[:2], dtype=np.bool_)), over, map)
+
+
 def undefined(metric: str, note: str) -> Measured:
-    """The answer of a metric that has no value here, and why; none in any region either."""
+    """The answer of a metric that has no value, in the image or in any region; `note` says why."""
     score = Score(metric=metric, value=None, note=note)
 
     def over(mask: Mask) -> Score:
@@ -20,12 +27,12 @@ def undefined(metric: str, note: str) -> Measured:
 
 
 def nonfinite_pixels(image: Image) -> int:
-    """How many pixels have a channel that is not finite. image: (h, w, 3)."""
+    """The number of pixels with a channel that is not finite. image: (h, w, 3)."""
     return int(np.count_nonzero(~np.isfinite(image).all(axis=-1)))
 
 
 def same_size(estimate: Estimate, reference: Reference) -> None:
-    """PenumbraError where the two differ in size, which is the caller's error."""
+    """PenumbraError where the two differ in size."""
     if estimate.mean.shape != reference.mean.shape:
         raise PenumbraError(
             f"images of different sizes: {_size(estimate.mean)} against a reference of "
