@@ -26,7 +26,7 @@ from pipeline.references.protocol import (
     require,
     unlit,
 )
-from pipeline.store.sources import digest
+from pipeline.store.keys import imported_code
 from renderer import build, fingerprint, render
 from renderer.interfaces.estimator import ESTIMATORS
 from scenes.description.scene import SceneDescription
@@ -46,7 +46,7 @@ class SelfBackend:
 
     def version(self) -> str:
         """The renderer's sources, and a hash of the code that draws its batches and adds them up."""
-        return f"penumbra {fingerprint()} {digest(Path(__file__))}"
+        return f"penumbra {fingerprint()} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What the estimator itself says, or that there is none for the quantity."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pipeline.store.run_folder import Run, load_run
-from pipeline.store.sealed_folder import write_file
 from reports.figures import error_against_parameter, error_against_time, html, plotly_source
 from reports.findings import (
     cost_sentences,
@@ -25,6 +24,7 @@ from reports.series import Panel, StudyView, select_studies
 from reports.tables import Table, error_table, plan_table, region_table, samples_table
 from reports.viewer import flip_script, flipbook_source
 from scenes.errors import PenumbraError
+from scenes.files import write_file
 from scenes.images.exr import write_png
 
 ASSETS = "assets"

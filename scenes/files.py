@@ -1,10 +1,14 @@
-"""The files that a scene names: where they may lie, and how much of them is read."""
+"""Files: where those that a scene names may lie, how much of them is read, and how a file is replaced."""
 
 from __future__ import annotations
 
 import gzip
+import os
+import secrets
 import stat
 import zlib
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from scenes.errors import Location, PenumbraError, SceneError
@@ -35,8 +39,8 @@ class Files:
             raise SceneError(f"{name!r} is no file name: {error}", where) from None
         if not inside:
             raise SceneError(
-                f"{name!r} lies outside the folder of the scene, {str(self._root)!r}; to read it all the same, "  # noqa: E501
-                "allow files from outside (penumbra --allow-outside COMMAND ...)",
+                f"{name!r} lies outside the folder of the scene, {str(self._root)!r}; to read it all the "
+                "same, allow files from outside (penumbra --allow-outside COMMAND ...)",
                 where,
             )
         return found or inside[0]
@@ -63,3 +67,39 @@ def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
     if len(data) > FILE_LIMIT:
         raise PenumbraError(f"cannot read {str(path)!r}: it is larger than {FILE_LIMIT >> 20} MiB")
     return data
+
+
+@contextmanager
+def replacing(path: str | Path, durable: bool = False) -> Generator[Path]:
+    """A temporary name beside `path`, of the same suffix: it takes the place of `path` when the block ends
+    well, and vanishes when it does not.
+
+    durable: the content is on the disk before the name is. Readers see the old file or the new one, never a
+    part. PenumbraError where the folder cannot be written.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}{path.suffix}")
+    try:
+        yield temporary
+        if durable:
+            _flush(temporary)
+        temporary.replace(path)
+    except OSError as error:
+        raise PenumbraError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        if path.parent.is_dir():
+            temporary.unlink(missing_ok=True)
+
+
+def write_file(path: Path, content: str | bytes, durable: bool = False) -> None:
+    """Replace a file by `content`, atomically, as `replacing` does; text as UTF-8."""
+    with replacing(path, durable) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def _flush(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -6,19 +6,19 @@ It stands among a study's estimators and is none of them: it has no samples, and
 from __future__ import annotations
 
 import ctypes
-import hashlib
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 from pipeline.baseline.scene import refuses as refuses_scene
 from scenes.description.scene import SceneDescription
+from scenes.hashing import hash_code
 
 NAME = "pyrender"
 SAMPLER = "pixel-middle"
 BIAS = "rasterised: biased by the shadows and the sizes of lights that it leaves out"
-LIBRARIES = ("pyrender", "pyopengl", "trimesh", "numpy")
-SHARED = Path(__file__).parent.parent / "references" / "mitsuba" / "environment.py"  # reads environments
+LIBRARIES = ("pyrender", "pyopengl", "trimesh", "numpy", "scipy")
+PIPELINE = Path(__file__).parents[1]
+SHARED = PIPELINE / "references" / "mitsuba" / "environment.py"  # reads environments
 
 # What each platform of OpenGL without a screen needs: one library of each group.
 NEEDED = {
@@ -58,8 +58,5 @@ def _loads(library: str) -> bool:
 @cache
 def fingerprint() -> str:
     """SHA-256 over the sources of the baseline, its shaders, and the versions of its libraries."""
-    digest = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
     own = [path for path in Path(__file__).parent.rglob("*") if path.suffix in (".py", ".vert", ".frag")]
-    for path in sorted([*own, SHARED]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+    return hash_code(PIPELINE, [*own, SHARED], LIBRARIES)

@@ -91,7 +91,8 @@ def _write(
 ) -> None:
     """All files under other names first: they take their own when every one is whole, the text last."""
     from scenes.errors import PenumbraError
-    from scenes.images.exr import replacing, write_exr
+    from scenes.files import replacing
+    from scenes.images.exr import write_exr
 
     names = {output.name, *images, *meshes}
     if len(names) != 1 + len(images) + len(meshes):

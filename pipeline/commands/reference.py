@@ -136,7 +136,8 @@ def _make(
 def _copy(stored: StoredReference, target: Path) -> None:
     import shutil
 
-    from scenes.images.exr import replacing, write_png
+    from scenes.files import replacing
+    from scenes.images.exr import write_png
 
     if target.suffix == ".png":
         write_png(target, stored.image.mean)

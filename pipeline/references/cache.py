@@ -14,15 +14,13 @@ waits for the other.
 
 from __future__ import annotations
 
-import fcntl
-import hashlib
 import json
 import logging
 import os
 import shutil
 import zipfile
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -42,6 +40,8 @@ from pipeline.references.protocol import (
 )
 from pipeline.references.unfinished import Unfinished, from_npz, to_npz
 from pipeline.schema.record import ReferenceInfo
+from pipeline.store.keys import reference_key
+from pipeline.store.lock import locked
 from pipeline.store.machine import machine
 from pipeline.store.sealed_folder import SEAL, Writer, damage, sealed, write_entry
 from scenes.description.scene import SceneDescription
@@ -50,7 +50,6 @@ from scenes.images.exr import write_estimate_exr
 
 log = logging.getLogger("penumbra")
 
-FORMAT = 2  # goes into the key: entries of another layout are other entries
 EXR, STATE, PROVENANCE = FILES = ("reference.exr", "reference.npz", "provenance.json")
 UNFINISHED = ".unfinished"
 
@@ -90,7 +89,7 @@ def reference_for(
     An interruption leaves the batches that were finished to the next call.
     """
     backend = BACKENDS[backend_name]
-    key = reference_key(scene, backend_name, backend.version(), request)
+    key = key_for(scene.content_hash(), backend_name, backend.version(), request)
     try:
         stored = _read(root / key, key, backend_name)  # without a lock: `root` may be there to be read only
     except _Damaged:
@@ -107,19 +106,9 @@ def reference_for(
         return _make(scene, backend, request, root / key, stored, progress)
 
 
-def reference_key(scene: SceneDescription, backend: str, version: str, request: ReferenceRequest) -> str:
-    """SHA-256, shortened to 32 digits, of everything that a reference depends on but the number of its
-    samples.
-    """
-    parts = {
-        "format": FORMAT,
-        "scene": scene.content_hash(),
-        "backend": backend,
-        "version": version,
-        "quantity": request.quantity,
-        "seed": request.seed,
-    }
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
+def key_for(scene_hash: str, backend: str, version: str, request: ReferenceRequest) -> str:
+    """The key of what `request` asks for, however many samples it wants."""
+    return reference_key(scene_hash, backend, version, request.quantity, request.seed)
 
 
 def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
@@ -141,17 +130,19 @@ def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
 @contextmanager
 def _locked(root: Path, key: str) -> Generator[None]:
     """Keep others from making the same reference; ends with the process at the latest."""
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        file = (root / f".{key}.lock").open("w")
-    except OSError as error:
-        raise PenumbraError(f"{root}: references cannot be written here: {error.strerror}") from error
-    with file:
+
+    def busy() -> None:
+        log.warning("reference %s is being made by another process; waiting for it", key)
+
+    lock = root / f".{key}.lock"
+    with ExitStack() as stack:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            log.warning("reference %s is being made by another process; waiting for it", key)
-            fcntl.flock(file, fcntl.LOCK_EX)
+            root.mkdir(parents=True, exist_ok=True)
+            lock.touch()
+        except OSError as error:
+            raise PenumbraError(f"{root}: references cannot be written here: {error.strerror}") from error
+        try:
+            stack.enter_context(locked(lock, busy))
         except OSError as error:  # a file system without locks: renaming still keeps entries whole
             log.warning("%s: references cannot be locked here: %s", root, error.strerror)
         yield

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import logging
-import os
 import time
 import zipfile
 from collections.abc import Mapping
@@ -17,7 +15,8 @@ import numpy as np
 
 from pipeline.references.accumulator import Tally
 from scenes.description.scene import Film
-from scenes.errors import PenumbraError
+from scenes.files import write_file
+from scenes.hashing import hash_bytes
 
 log = logging.getLogger("penumbra")
 
@@ -68,12 +67,7 @@ class Unfinished:
         content = to_npz(
             {"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in told.items()}
         )
-        draft = self.path.with_name(f".{self.path.name}.{os.getpid()}")
-        try:
-            draft.write_bytes(hashlib.sha256(content).digest() + content)
-            draft.replace(self.path)
-        except OSError as error:
-            raise PenumbraError(f"{self.path}: cannot be written: {error.strerror}") from error
+        write_file(self.path, bytes.fromhex(hash_bytes(content)) + content)
 
     def remove(self) -> None:
         """Once the reference is stored."""
@@ -83,7 +77,7 @@ class Unfinished:
 def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Tally:
     """ValueError and the like where `data` is not what was saved, or is another reference's."""
     content = data[SEAL:]
-    if hashlib.sha256(content).digest() != data[:SEAL]:
+    if bytes.fromhex(hash_bytes(content)) != data[:SEAL]:
         raise ValueError("it does not match its checksum")
     arrays = from_npz(content)
     if str(arrays["key"]) != key:

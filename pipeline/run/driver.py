@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,14 +12,15 @@ from pydantic import BaseModel
 
 from pipeline.backends import BACKENDS
 from pipeline.progress import Listener
-from pipeline.references.cache import StoredReference, reference_for, reference_key, to_info
+from pipeline.references.cache import StoredReference, key_for, reference_for, to_info
 from pipeline.references.protocol import ReferenceRequest
 from pipeline.run.executors.protocol import Executor
 from pipeline.run.grid import Cell, SceneVariant, StudyPlan, describe, fair_order, lay_out
 from pipeline.run.worker import RenderTask, ScoreTask, render_cell, score_cell
 from pipeline.schema.manifest import CellEntry, LeftOut, Manifest, StudyEntry, replaces
-from pipeline.schema.record import SCHEMA_VERSION, Job
+from pipeline.schema.record import Job
 from pipeline.schema.sweep import Sweep
+from pipeline.store.keys import metrics_fingerprint, score_key
 from pipeline.store.provenance import provenance
 from pipeline.store.run_folder import DamagedEntryError, Store, create_store
 from scenes.errors import PenumbraError
@@ -100,7 +99,7 @@ def _manifest(work: _Work) -> Manifest:
 
 def _reference_key(plan: StudyPlan, variant: SceneVariant) -> str:
     backend = plan.study.reference.backend
-    return reference_key(variant.scene, backend, _version(backend), plan.request)
+    return key_for(variant.hash, backend, _version(backend), plan.request)
 
 
 @cache
@@ -136,27 +135,7 @@ def _score_key(work: _Work, plan: StudyPlan, cell: Cell) -> str:
     """The content address of a cell's scores: another image, reference, metric or formula gives another."""
     reference = _reference_key(plan, cell.variant)
     wanted = work.requests[reference]
-    parts = (cell.key, reference, wanted, plan.study.metrics, metrics_fingerprint(), SCHEMA_VERSION)
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
-
-
-METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator", "colour-science")
-
-
-@cache
-def metrics_fingerprint() -> str:
-    """SHA-256 over the sources of the metrics, their statistics and their regions, and the versions of the
-    libraries behind them.
-
-    A changed formula or library scores anew and renders nothing.
-    """
-    here = Path(__file__).parents[1]
-    digest = hashlib.sha256(repr([(name, version(name)) for name in METRIC_LIBRARIES]).encode())
-    own = [here / name for name in ("studies/regions.py", "run/worker.py")]
-    folders = [here / name for name in ("metrics", "scoring", "statistics")]
-    for path in sorted([*own, *(path for folder in folders for path in folder.glob("*.py"))]):
-        digest.update(path.relative_to(here).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+    return score_key(cell.key, reference, wanted, plan.study.metrics, metrics_fingerprint())
 
 
 def _references(work: _Work) -> dict[str, StoredReference]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,9 +13,10 @@ from pipeline.backends import BACKENDS
 from pipeline.baseline import entry as baseline
 from pipeline.references.protocol import Quantity, ReferenceRequest, refusal
 from pipeline.schema.manifest import LeftOut
-from pipeline.schema.record import SCHEMA_VERSION, Job
+from pipeline.schema.record import Job
 from pipeline.schema.sweep import Study, Sweep
 from pipeline.self_reference import judges_itself
+from pipeline.store.keys import cell_key
 from renderer import fingerprint
 from renderer.interfaces.estimator import ESTIMATORS
 from scenes import SceneDescription, load
@@ -83,17 +83,6 @@ def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
         given = ", ".join(f"{name} estimates {quantity}" for name, quantity in quantities.items())
         raise PenumbraError(f"study {study}: {given}: give each quantity a study of its own")
     return cast("Quantity", quantities[estimators[0]])
-
-
-def cell_key(scene_hash: str, job: Job, renderer: str) -> str:
-    """The content address of a cell: everything that its image depends on, names of scenes and parameters not
-    being in it.
-
-    renderer: `renderer.fingerprint()`. A change of the renderer, of the scene's content or of the record's
-    schema gives another key.
-    """
-    parts = (scene_hash, job.estimator, job.sampler, job.spp, job.seed, renderer, SCHEMA_VERSION)
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
 def _plan(study: Study, path: str) -> StudyPlan:

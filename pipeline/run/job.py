@@ -6,9 +6,9 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pipeline.run.grid import cell_key
 from pipeline.schema.record import Job, PlanDecision, RayCounts, Record, SampleStatistics, Seconds
 from pipeline.statistics.samples import sample_statistics
+from pipeline.store.keys import cell_key
 from pipeline.store.provenance import provenance
 from renderer import RenderResult, build, fingerprint, render
 from renderer.build import RenderScene

@@ -6,9 +6,9 @@ import numpy as np
 
 from pipeline.baseline.entry import BIAS, fingerprint
 from pipeline.baseline.process import Raster, rasterise
-from pipeline.run.grid import cell_key
 from pipeline.run.job import PreparedScene
 from pipeline.schema.record import Job, RayCounts, Record, SampleStatistics, Seconds
+from pipeline.store.keys import cell_key
 from pipeline.store.provenance import provenance
 from renderer.film import Film
 

@@ -7,15 +7,12 @@ same map one waits.
 
 from __future__ import annotations
 
-import fcntl
-import functools
-import hashlib
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.run.job import PreparedScene
 from pipeline.schema.record import RegionMap
+from pipeline.store.keys import region_key
+from pipeline.store.lock import locked
 from pipeline.store.sealed_folder import damage, write_entry
 from pipeline.studies.regions import CONTACT, SPP, Regions, find_regions, from_channels, to_channels
 from renderer import fingerprint
@@ -29,23 +26,14 @@ def region_map(root: Path, scene: PreparedScene) -> tuple[RegionMap, Regions] | 
 
     None without lights.
     """
-    key = region_key(scene.hash)
+    key = region_key(scene.hash, fingerprint())
     entry = root / FOLDER / key
     found = _read(entry)
     if found is None:
-        with _locked(root / FOLDER, key):
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        with locked(entry.with_name(f".{key}.lock")):
             found = _read(entry) or _make(root, key, scene)
     return found
-
-
-def region_key(scene_hash: str) -> str:
-    """The content address of a scene's label image."""
-    return hashlib.sha256(repr((scene_hash, fingerprint(), _source())).encode()).hexdigest()[:32]
-
-
-@functools.cache
-def _source() -> str:
-    return hashlib.sha256((Path(__file__).parents[1] / "studies" / "regions.py").read_bytes()).hexdigest()
 
 
 def _read(entry: Path) -> tuple[RegionMap, Regions] | None:
@@ -74,12 +62,3 @@ def _make(root: Path, key: str, scene: PreparedScene) -> tuple[RegionMap, Region
         {LABELS_EXR: lambda path: write_exr(path, to_channels(regions)), MAP: write_map},
     )
     return described, regions
-
-
-@contextmanager
-def _locked(folder: Path, key: str) -> Generator[None]:
-    """Keep other workers from making the same map; ends with the process at the latest."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f".{key}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

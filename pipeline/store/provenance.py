@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pipeline.schema.record import Provenance
 from pipeline.store.machine import machine
+from scenes.hashing import versions
 
 PACKAGES = (
     "numpy",
@@ -41,19 +42,12 @@ def _of_this_process() -> Provenance:
         penumbra=metadata.version("penumbra"),
         renderer=fingerprint(),
         commit=_commit(),
-        versions={name: version for name in PACKAGES if (version := _version(name))},
+        versions={name: found for name, found in versions(PACKAGES).items() if found},
         python=platform.python_version(),
         machine=machine(),
         cores=os.cpu_count() or 1,
         created="",
     )
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _commit() -> str | None:

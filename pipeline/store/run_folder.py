@@ -14,7 +14,6 @@ when read, so that a run can be killed at any moment and started again. One run 
 
 from __future__ import annotations
 
-import fcntl
 import shutil
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -29,8 +28,10 @@ from pydantic import BaseModel, ValidationError
 from pipeline.schema.manifest import CellEntry, LeftOut, Manifest
 from pipeline.schema.record import Record, ScoreCard
 from pipeline.schema.sweep import Study
-from pipeline.store.sealed_folder import Writer, damage, write_entry, write_file
+from pipeline.store.lock import locked
+from pipeline.store.sealed_folder import Writer, damage, write_entry
 from scenes.errors import PenumbraError
+from scenes.files import write_file
 
 Arrays = Mapping[str, NDArray[Any]]
 M = TypeVar("M", bound=BaseModel)
@@ -38,7 +39,7 @@ M = TypeVar("M", bound=BaseModel)
 OWN_HIDDEN = (
     ".lock",
     ".scratch",
-    ".manifest.json.",
+    ".manifest.",
 )  # what a run that was killed at its very start may leave
 
 
@@ -107,7 +108,7 @@ class Store:
 
     def write_manifest(self, manifest: Manifest) -> None:
         """Replace `manifest.json`, atomically and durably."""
-        write_file(self.root / "manifest.json", manifest.model_dump_json(indent=1))
+        write_file(self.root / "manifest.json", manifest.model_dump_json(indent=1), durable=True)
 
     def read_manifest(self) -> Manifest:
         """The manifest; PenumbraError if the folder holds no run or the manifest of another version."""
@@ -128,11 +129,11 @@ class Store:
         """Keep other runs out of the folder, for as long as this process lives at most; sweeps up drafts that
         a killed run left.
         """
-        with (self.root / ".lock").open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise PenumbraError(f"{self.root}: another run is at work in this folder") from error
+
+        def busy() -> None:
+            raise PenumbraError(f"{self.root}: another run is at work in this folder")
+
+        with locked(self.root / ".lock", busy):
             shutil.rmtree(self.scratch, ignore_errors=True)
             yield
             shutil.rmtree(self.scratch, ignore_errors=True)

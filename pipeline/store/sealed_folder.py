@@ -6,12 +6,12 @@ checksums show, so that single files need no fsync.
 
 from __future__ import annotations
 
-import hashlib
-import os
 import shutil
 import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
+
+from scenes.hashing import hash_file
 
 SEAL = "SHA256SUMS"
 Writer = Callable[[Path], None]
@@ -27,7 +27,7 @@ def write_entry(final: Path, scratch: Path, writers: Mapping[str, Writer]) -> No
     draft.mkdir(parents=True)
     for name, write in writers.items():
         write(draft / name)
-    (draft / SEAL).write_text("".join(f"{_digest(draft / name)}  {name}\n" for name in writers))
+    (draft / SEAL).write_text("".join(f"{hash_file(draft / name)}  {name}\n" for name in writers))
     _replace(draft, final, scratch)
 
 
@@ -57,7 +57,7 @@ def damage(entry: Path) -> str | None:
     for expected, _, name in pairs:
         if not (entry / name).is_file():
             return f"{name} is missing"
-        if _digest(entry / name) != expected:
+        if hash_file(entry / name) != expected:
             return f"{name} is not what was written"
     return None
 
@@ -65,18 +65,3 @@ def damage(entry: Path) -> str | None:
 def sealed(entry: Path) -> list[str]:
     """The names of the files that an entry was sealed with."""
     return [line.partition("  ")[2] for line in (entry / SEAL).read_text(encoding="utf-8").splitlines()]
-
-
-def write_file(path: Path, content: str) -> None:
-    """Write one small text file atomically and durably."""
-    draft = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    with draft.open("w", encoding="utf-8") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -7,15 +7,14 @@ an emitting shape emits on the side of its normal only.
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, cast
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.lights import Light
 from scenes.description.shapes import ShapeDescription
+from scenes.hashing import hash_values
 
 Array = NDArray[np.float64]
 
@@ -107,28 +106,4 @@ class SceneDescription:
         Assets count by content, not by name: a mesh file that was edited changes the hash. Names, comments
         and source locations do not.
         """
-        digest = hashlib.sha256()
-        _feed(digest, self)
-        return digest.hexdigest()
-
-
-def _feed(digest: Any, value: Any) -> None:
-    """Feed `value` into `digest` unambiguously: each item goes in with its type and its length."""
-    if is_dataclass(value) and not isinstance(value, type):
-        digest.update(f"<{type(value).__name__}>".encode())
-        for item in fields(value):
-            if item.metadata.get("content", True):
-                digest.update(item.name.encode())
-                _feed(digest, getattr(value, item.name))
-    elif isinstance(value, np.ndarray):
-        value = cast("NDArray[Any]", value)
-        digest.update(f"[{value.dtype.str}{value.shape}]".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, tuple):
-        value = cast("tuple[Any, ...]", value)
-        digest.update(f"({len(value)})".encode())
-        for item in value:
-            _feed(digest, item)
-    else:
-        text = repr(value).encode()
-        digest.update(f"{type(value).__name__}:{len(text)}:".encode() + text)
+        return hash_values(self)

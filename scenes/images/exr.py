@@ -9,8 +9,6 @@ by name; and it hands DOUBLE pixels back as float32, so that files hold float32 
 from __future__ import annotations
 
 import json
-import os
-import secrets
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,6 +20,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from scenes.errors import PenumbraError
+from scenes.files import replacing
 from scenes.images.encodings import as_stored, colour_planes, decoded, encoded
 from scenes.images.png import RGBA, PngHeader, Unsound, check_png_pixels, png_header
 
@@ -75,26 +74,6 @@ class TextureHeader:
     storage: str
     chromaticities: tuple[float, ...] | None
     png: PngHeader | None
-
-
-@contextmanager
-def replacing(path: str | Path) -> Generator[Path]:
-    """A temporary name beside `path`, same suffix, that replaces `path` when the block ends well and vanishes
-    when it does not.
-
-    Raises PenumbraError where the folder cannot be written. Readers see the old file or the new one, never a
-    part.
-    """
-    path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}{path.suffix}")
-    try:
-        yield temporary
-        temporary.replace(path)
-    except OSError as error:
-        raise PenumbraError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        if path.parent.is_dir():
-            temporary.unlink(missing_ok=True)
 
 
 def write_exr(

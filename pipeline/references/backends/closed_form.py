@@ -39,7 +39,7 @@ from pipeline.references.protocol import (
     ReferenceRequest,
     require,
 )
-from pipeline.store.sources import digest
+from pipeline.store.keys import imported_code
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 
@@ -56,7 +56,7 @@ class ClosedFormBackend:
 
     def version(self) -> str:
         """A hash of the sources that make the image."""
-        return digest(Path(__file__))
+        return imported_code(Path(__file__))
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What keeps the scene from having a closed form, in one sentence."""

@@ -42,7 +42,7 @@ from pipeline.references.protocol import (
     ReferenceRequest,
     require,
 )
-from pipeline.store.sources import digest
+from pipeline.store.keys import imported_code
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 
@@ -60,7 +60,7 @@ class EdgeBackend:
 
     def version(self) -> str:
         """A hash of the sources that make the image."""
-        return digest(Path(__file__))
+        return imported_code(Path(__file__))
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """What keeps the scene from being an edge over a floor, in one sentence."""

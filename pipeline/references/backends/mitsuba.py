@@ -33,7 +33,7 @@ from pipeline.references.protocol import (
     ReferenceRequest,
     require,
 )
-from pipeline.store.sources import digest
+from pipeline.store.keys import imported_code
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
 from scenes.description.shapes import Disk, Emission, ShapeDescription
@@ -64,7 +64,8 @@ class MitsubaBackend:
         """Mitsuba's version, the variant that works here, and a hash of the code that converts and
         renders.
         """
-        return f"mitsuba {importlib.metadata.version('mitsuba')} {working_variant()} {digest(Path(__file__))}"
+        version = importlib.metadata.version("mitsuba")
+        return f"mitsuba {version} {working_variant()} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """No lights, two-sided lights, a camera or a patch without counterpart, or a gap that Mitsuba's rays

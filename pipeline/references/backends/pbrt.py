@@ -12,7 +12,6 @@ being that channel's value.
 from __future__ import annotations
 
 import functools
-import hashlib
 import os
 import re
 import shutil
@@ -38,10 +37,11 @@ from pipeline.references.protocol import (
     require,
     unlit,
 )
-from pipeline.store.sources import digest
+from pipeline.store.keys import imported_code
 from scenes.description.lights import Environment
 from scenes.description.scene import RenderDefaults, SceneDescription
 from scenes.errors import PenumbraError
+from scenes.hashing import hash_file
 from scenes.images.exr import read_rgb, write_exr
 from scenes.pbrt.write.scene import ExportedScene, export
 
@@ -68,7 +68,8 @@ class PbrtBackend:
         """
         binary = _binary()
         stat = binary.stat()
-        return f"pbrt-v4 {_fingerprint(binary, stat.st_mtime_ns, stat.st_size)} {digest(Path(__file__))}"
+        content = _fingerprint(binary, stat.st_mtime_ns, stat.st_size)
+        return f"pbrt-v4 {content} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         """That there is no pbrt here, no lights, or no pbrt text for the scene."""
@@ -177,8 +178,7 @@ def _binary() -> Path:
 
 @functools.lru_cache(maxsize=4)
 def _fingerprint(binary: Path, _modified: int, _size: int) -> str:
-    with binary.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+    return hash_file(binary)[:16]
 
 
 def _prepare(folder: Path, scene: SceneDescription, quantity: Quantity) -> Path:

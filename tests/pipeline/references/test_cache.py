@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from pipeline.references import cache
-from pipeline.references.cache import EXR, PROVENANCE, STATE, reference_for, reference_key, to_info
+from pipeline.references.cache import EXR, PROVENANCE, STATE, key_for, reference_for, to_info
 from pipeline.store.sealed_folder import SEAL
 from scenes.errors import PenumbraError
 from scenes.images.exr import ExrImage, read_estimate_exr, read_exr, write_exr
@@ -70,7 +70,7 @@ def test_whatever_the_image_depends_on_makes_another_entry(fake: FakeBackend, tm
     fake.revision = "2"
     keys.add(ask(tmp_path).key)
     assert len(keys) == fake.renders == 5
-    assert reference_key(small(), "other", "2", REQUEST) not in keys
+    assert key_for(small().content_hash(), "other", "2", REQUEST) not in keys
 
 
 def test_more_samples_are_added_and_fewer_are_served_by_what_is_there(fake: FakeBackend, tmp_path: Path):

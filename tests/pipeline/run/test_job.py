@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.run.grid import cell_key
 from pipeline.run.job import JobResult, PreparedScene, prepare, run_job
 from pipeline.schema.record import Job, Record
+from pipeline.store.keys import cell_key
 from renderer import fingerprint
 from scenes.errors import PenumbraError
 

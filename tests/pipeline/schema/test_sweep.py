@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.run.grid import cell_key, fair_order, lay_out
-from pipeline.schema.record import Job
+from pipeline.run.grid import fair_order, lay_out
 from pipeline.schema.sweep import Sweep, builtin_sweeps, load_sweep, parse_sweep
 from pipeline.scoring.metric import METRICS
 from renderer.interfaces.estimator import ESTIMATORS
@@ -157,21 +156,6 @@ def test_a_parameter_that_the_scene_lacks_names_the_study_and_the_scene() -> Non
         PenumbraError, match=r"file\.toml: study\[0\]: scene soft-shadow with gap = 0\.1.*no parameter 'gap'"
     ):
         lay_out(parse(text), "file.toml")
-
-
-def test_cell_keys_tell_apart_what_an_image_depends_on_and_nothing_else() -> None:
-    job = Job(scene="a", parameters={"gap": 1.0}, estimator="area", sampler="sobol", spp=4, seed=0)
-    base = cell_key("hash", job, "renderer")
-    others = [
-        cell_key("other", job, "renderer"),
-        cell_key("hash", job, "changed"),
-        *(
-            cell_key("hash", job.model_copy(update=change), "renderer")
-            for change in ({"estimator": "solid-angle"}, {"sampler": "independent"}, {"spp": 5}, {"seed": 1})
-        ),
-    ]
-    assert len({base, *others}) == 7
-    assert base == cell_key("hash", job.model_copy(update={"scene": "b", "parameters": {}}), "renderer")
 
 
 def test_order_is_seed_by_seed_shuffled_and_a_function_of_the_cells() -> None:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenes.errors import PenumbraError
+from scenes.files import replacing
 from scenes.images import exr as images
 
 AWKWARD = {
@@ -174,7 +175,7 @@ def test_writing_is_atomic(tmp_path: Path):
     images.write_exr(path, {"Y": np.ones((2, 2))})
 
     def interrupted() -> None:
-        with images.replacing(path) as temporary:
+        with replacing(path) as temporary:
             temporary.write_bytes(b"half")
             raise KeyboardInterrupt
 

@@ -1,0 +1,28 @@
+"""The one lock between processes: a lock file that the system frees when its holder ends, however it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+
+@contextmanager
+def locked(path: Path, busy: Callable[[], None] = lambda: None) -> Generator[None]:
+    """Hold the lock file `path`, which stays when the lock is released.
+
+    busy: called once where another process holds it. It may raise; else the lock is waited for. OSError where
+    the file cannot be made or its file system has no locks.
+    """
+    lock = FileLock(path, fallback_to_soft=False)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        busy()
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
