@@ -1,7 +1,12 @@
-"""Shapes in world space, with their material and emission."""
+"""Shapes in world space, with their material and emission, and the few things that every layer asks of it.
+
+A kind of shape is one frozen class here: its corners, areas, bounds, triangles and other side. What belongs
+to one layer (pbrt text, analytic primitives, Mitsuba's plugins, closed forms) stands in that layer's module.
+"""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +16,16 @@ from scenes.description.materials import Material
 from scenes.errors import Location
 
 Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+# Corners given as decimal text are right-angled to some 1e-16 of their size; a sheared patch is far off that.
+RIGHT_ANGLE = 1e-9
+# Vertices given as decimal text lie in a common plane to some 1e-16 of their coordinates.
+FLAT = 1e-12
+# Corners given as decimal text close a parallelogram to some 1e-16 of their size, float32 to 1e-7.
+CLOSED = 1e-6
+TRIANGLE_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+PATCH_UV = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +42,30 @@ class Emission:
 
 
 @dataclass(frozen=True, eq=False)
+class Bounds:
+    """points: (m, 3), whose hull with the balls or disks of `radius` about them holds the shape.
+
+    axis: (3,) the normal of these disks; None for balls. normal: (3,) if the shape is planar.
+    one_way: whether all faces turn the same way.
+    """
+
+    points: Array
+    radius: float = 0.0
+    axis: Array | None = None
+    normal: Array | None = None
+    one_way: bool = True
+
+    def extent(self, directions: Array) -> tuple[Array, Array]:
+        """Least and greatest n . x over the shape, (q,) each, for unit n (q, 3); exact but for rounding."""
+        along = np.einsum("qc,mc->qm", directions, self.points)
+        pad = np.full(len(directions), self.radius)
+        if self.axis is not None:
+            cosine = np.einsum("qc,c->q", directions, self.axis)
+            pad *= np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+        return along.min(axis=1) - pad, along.max(axis=1) + pad
+
+
+@dataclass(frozen=True, eq=False)
 class TriangleMesh:
     """Triangles; a face's normal is (p1-p0) x (p2-p0), turned round where `reverse` is set.
 
@@ -35,9 +74,43 @@ class TriangleMesh:
     """
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Faces
     reverse: bool = False
     uv: Array | None = None
+
+    @property
+    def corners(self) -> Array:
+        """(m, 3) points whose bounding box holds the shape."""
+        return self.vertices
+
+    def areas(self) -> Array:
+        """(t,) the area of each face."""
+        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+    def bounds(self) -> Bounds:
+        """Bounds of the vertices that faces use."""
+        return _mesh_bounds(self)
+
+    def triangulated(self, segments: int) -> TriangleMesh:
+        """The mesh itself."""
+        return self
+
+    def flipped(self) -> TriangleMesh:
+        """The mesh with its other side in front."""
+        return replace(self, reverse=not self.reverse)
+
+    def untextured(self) -> TriangleMesh:
+        """The mesh without what only a texture looks at."""
+        return self if self.uv is None else replace(self, uv=None)
+
+    def corner_uv(self) -> Array:
+        """(t, 3, 2) the texture coordinates at each corner of each face."""
+        return _corner_uv(self, TRIANGLE_UV)
+
+    def triangle_uv(self) -> Array:
+        """(t, 3, 2) the same."""
+        return self.corner_uv()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +123,58 @@ class BilinearMesh:
     """
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Faces
     reverse: bool = False
     uv: Array | None = None
+
+    @property
+    def corners(self) -> Array:
+        """(m, 3) points whose bounding box holds the shape."""
+        return self.vertices
+
+    def areas(self) -> Array:
+        """(q,) the area of each patch."""
+        p00, p10, p01, p11 = np.moveaxis(self.vertices[self.faces], 1, 0)
+        return np.linalg.norm(np.cross(p11 - p00, p01 - p10), axis=1) / 2
+
+    def bounds(self) -> Bounds:
+        """Bounds of the vertices that faces use."""
+        return _mesh_bounds(self)
+
+    def triangulated(self, segments: int) -> TriangleMesh:
+        """Two triangles a patch, without texture coordinates, in the order of `halves`."""
+        return TriangleMesh(self.vertices, halves(self.faces), self.reverse)
+
+    def flipped(self) -> BilinearMesh:
+        """The mesh with its other side in front."""
+        return replace(self, reverse=not self.reverse)
+
+    def untextured(self) -> BilinearMesh:
+        """The mesh without what only a texture looks at."""
+        return self if self.uv is None else replace(self, uv=None)
+
+    def corner_uv(self) -> Array:
+        """(q, 4, 2) the texture coordinates at each corner of each patch."""
+        return _corner_uv(self, PATCH_UV)
+
+    def triangle_uv(self) -> Array:
+        """(2 q, 3, 2) the texture coordinates at each corner of the triangles."""
+        uv, (first, second) = self.corner_uv(), halves(np.arange(4)[None])
+        return np.concatenate([uv[:, first], uv[:, second]])
+
+    def are_rectangles(self) -> bool:
+        """Whether all patches are rectangles with area, to RIGHT_ANGLE."""
+        corners = self.vertices[self.faces]
+        p00, p10, p01, p11 = np.moveaxis(corners, 1, 0)
+        x, y = p10 - p00, p01 - p00
+        size = np.sqrt((x * x).sum(axis=1) * (y * y).sum(axis=1))
+        skew = np.abs((x * y).sum(axis=1)) > RIGHT_ANGLE * size
+        apart = np.abs(p11 - p10 - y).max(axis=1) > RIGHT_ANGLE * np.abs(corners).max()
+        return not bool(((size == 0) | skew | apart).any())
+
+    def are_parallelograms(self) -> bool:
+        """Whether every patch and its texture coordinates close a parallelogram, to CLOSED."""
+        return all(_gap(values) <= CLOSED for values in (self.vertices[self.faces], self.corner_uv()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +190,34 @@ class Sphere:
     reverse: bool = False
     frame: Array | None = None
 
+    @property
+    def corners(self) -> Array:
+        """(2, 3) points whose bounding box holds the shape."""
+        return _box(self)
+
+    def areas(self) -> Array:
+        """(1,) the area."""
+        return np.array([4 * np.pi * self.radius**2])
+
+    def bounds(self) -> Bounds:
+        """The ball itself."""
+        return Bounds(self.center[None], self.radius)
+
+    def triangulated(self, segments: int) -> TriangleMesh:
+        """An icosahedron subdivided log2(segments / 16) times: 20,480 triangles, 2.85e-4 of the radius below
+        the sphere at most, for 512 segments.
+        """
+        unit, faces = _icosphere(max(0, (segments // 16).bit_length() - 1))
+        return TriangleMesh(self.center + self.radius * unit, faces, self.reverse)
+
+    def flipped(self) -> Sphere:
+        """The sphere with its other side in front."""
+        return replace(self, reverse=not self.reverse)
+
+    def untextured(self) -> Sphere:
+        """The sphere without what only a texture looks at."""
+        return self if self.frame is None else replace(self, frame=None)
+
 
 @dataclass(frozen=True, eq=False)
 class Disk:
@@ -82,8 +232,39 @@ class Disk:
     radius: float
     frame: Array | None = None
 
+    @property
+    def corners(self) -> Array:
+        """(2, 3) points whose bounding box holds the shape."""
+        return _box(self)
 
-Geometry = TriangleMesh | BilinearMesh | Sphere | Disk
+    def areas(self) -> Array:
+        """(1,) the area."""
+        return np.array([np.pi * self.radius**2])
+
+    def bounds(self) -> Bounds:
+        """The disk itself."""
+        return Bounds(self.center[None], self.radius, axis=self.normal, normal=self.normal)
+
+    def triangulated(self, segments: int) -> TriangleMesh:
+        """A fan of as many triangles as `segments`, the centre their last vertex."""
+        angle = np.linspace(0.0, 2 * np.pi, segments, endpoint=False)[:, None]
+        x, y, _ = basis(self.normal).T
+        rim = self.center + self.radius * (np.cos(angle) * x + np.sin(angle) * y)
+        i = np.arange(segments)
+        faces = np.stack([np.full(segments, segments), i, (i + 1) % segments], axis=1)
+        return TriangleMesh(np.vstack([rim, self.center]), faces)
+
+    def flipped(self) -> Disk:
+        """The disk with its other side in front."""
+        return replace(self, normal=-self.normal)
+
+    def untextured(self) -> Disk:
+        """The disk without what only a texture looks at."""
+        return self if self.frame is None else replace(self, frame=None)
+
+
+Mesh = TriangleMesh | BilinearMesh
+Geometry = Mesh | Sphere | Disk
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,3 +281,64 @@ class ShapeDescription:
         if self.emission is None:
             return self
         return replace(self, emission=replace(self.emission, radiance=self.emission.radiance * factor))
+
+
+def halves(patches: Faces) -> Faces:
+    """Patches (q, 4), corners p00 p10 p01 p11, as triangles (2 q, 3): first the half at p10 of each, then the
+    half at p01.
+    """
+    return np.concatenate([patches[:, [0, 1, 3]], patches[:, [0, 3, 2]]])
+
+
+def basis(normal: Array) -> Array:
+    """A right-handed orthonormal basis (3, 3), columns x y z, whose z is `normal` (3,)."""
+    x = np.asarray(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]), dtype=np.float64)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(normal, x), normal], axis=1)
+
+
+def _box(shape: Sphere | Disk) -> Array:
+    return shape.center + shape.radius * np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+
+
+def _corner_uv(mesh: Mesh, default: Array) -> Array:
+    return np.broadcast_to(default, (*mesh.faces.shape, 2)) if mesh.uv is None else mesh.uv[mesh.faces]
+
+
+def _gap(corners: Array) -> float:
+    """The largest |p11 - p01 - p10 + p00| of corners (q, 4, c), relative to the largest coordinate."""
+    off = np.abs(corners[:, 3] - corners[:, 1] - corners[:, 2] + corners[:, 0]).max()
+    return float(off / max(np.abs(corners).max(), 1e-300))
+
+
+def _mesh_bounds(mesh: Mesh) -> Bounds:
+    used = mesh.vertices[np.unique(mesh.faces)]
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces[:, :3]], 1, 0)
+    normals = np.cross(b - a, c - a)
+    normal = _plane(normals, used)
+    if normal is None:
+        return Bounds(used)
+    along = np.einsum("tc,c->t", normals, normal)
+    one_way = bool((along >= 0).all() or (along <= 0).all())
+    return Bounds(used, normal=normal * (-1.0 if mesh.reverse else 1.0), one_way=one_way)
+
+
+def _plane(normals: Array, points: Array) -> Array | None:
+    """The unit normal of points (m, 3) that share a plane, on the side of the longest of normals (t, 3)."""
+    length = np.linalg.norm(normals, axis=1)
+    largest = int(length.argmax())
+    if length[largest] == 0:
+        return None
+    n = normals[largest] / length[largest]
+    height = np.einsum("mc,c->m", points - points[0], n)
+    return n if np.abs(height).max() <= FLAT * np.abs(points).max() else None
+
+
+@functools.cache
+def _icosphere(subdivisions: int) -> tuple[Array, Faces]:
+    """Vertices (m, 3) and faces (t, 3) of the unit sphere."""
+    # Imported here: it takes a second, and few scenes need it.
+    from trimesh.creation import icosphere  # pyright: ignore[reportUnknownVariableType]
+
+    made = icosphere(subdivisions=subdivisions)
+    return np.asarray(made.vertices, dtype=np.float64), np.asarray(made.faces, dtype=np.int64)

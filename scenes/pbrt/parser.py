@@ -14,21 +14,20 @@ are ours: without an `Integrator` it is direct light (pbrt's would go on for fiv
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from scenes.description.materials import Conductor, Diffuse, Material
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import BilinearMesh, Disk, Geometry, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import Emission, Geometry, ShapeDescription
 from scenes.errors import SceneError
 from scenes.files import Files
-from scenes.pbrt.directives.emission import lit
+from scenes.pbrt.directives.emission import apply_area_light
 from scenes.pbrt.directives.environment import added_up
 from scenes.pbrt.directives.integrator import check_delta
 from scenes.pbrt.directives.materials import resolved
-from scenes.pbrt.instances import written_out
+from scenes.pbrt.instances import expand_instances
 from scenes.pbrt.reader import Reader
 from scenes.pbrt.state import Builder, PlacedShape
 from scenes.pbrt.text.lexer import Source, decode, read_source
@@ -92,7 +91,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
     ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures
     lights = added_up(builder.lights, report)
     check_delta(builder)
-    placed = [*builder.shapes, *written_out(builder.uses, builder.objects, report)]
+    placed = [*builder.shapes, *expand_instances(builder.uses, builder.objects, report)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
     if ratio != 1:
@@ -112,15 +111,17 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
 
 
 def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
+    """The shape, in parts where its faces differ in radiance.
+
+    Where it has no texture, what only a texture looks at is left out: it is no part of the scene's content.
+    """
     material = resolved(placed.material, builder)
-    textured = _textured(material)
-    if placed.light is None:
-        return [ShapeDescription(_trimmed(placed.geometry, textured), material, None, placed.where)]
-    parts = lit(placed.geometry, placed.light, placed.where, builder.report)
-    return [
-        ShapeDescription(_trimmed(part, textured), material, emission, placed.where)
-        for part, emission in parts
-    ]
+    parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
+    if placed.light is not None:
+        parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]
+    if not _textured(material):
+        parts = [(geometry.untextured(), emission) for geometry, emission in parts]
+    return [ShapeDescription(geometry, material, emission, placed.where) for geometry, emission in parts]
 
 
 def _textured(material: Material) -> bool:
@@ -128,13 +129,3 @@ def _textured(material: Material) -> bool:
         return False
     assert isinstance(material, Diffuse)
     return not isinstance(material.reflectance, np.ndarray)
-
-
-def _trimmed(geometry: Geometry, textured: bool) -> Geometry:
-    """A shape without what only a texture would look at, so that it is no part of the scene's content."""
-    if textured:
-        return geometry
-    if isinstance(geometry, TriangleMesh | BilinearMesh):
-        return geometry if geometry.uv is None else replace(geometry, uv=None)
-    assert isinstance(geometry, Sphere | Disk)
-    return geometry if geometry.frame is None else replace(geometry, frame=None)

@@ -1,6 +1,4 @@
-"""What an `AreaLightSource` makes of each shape: its radiance, a power spread over it, an image laid on
-it.
-"""
+"""An `AreaLightSource` applied to a shape: its radiance, a power spread over it, an image laid on it."""
 
 from __future__ import annotations
 
@@ -9,22 +7,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.shapes import BilinearMesh, Disk, Emission, Geometry, Sphere, TriangleMesh
+from scenes.description.shapes import PATCH_UV, BilinearMesh, Emission, Geometry, Mesh, TriangleMesh
 from scenes.errors import Location, Report
-from scenes.pbrt.directives.emission_images import pictured
 from scenes.pbrt.directives.lights import RADIANCE_LIMIT
 from scenes.pbrt.spectra import LUMINANCE
 from scenes.pbrt.state import AreaLight
 
 Array = NDArray[np.float64]
+Lit = list[tuple[Geometry, Emission]]
 
 PARTS = 256  # of one mesh by the areas of its faces
 SAME_AREA = 1e-9  # relative
+SAME_POINT = 1e-6  # of a rectangle's diagonal: where two triangles share a corner
 
 
-def lit(
-    geometry: Geometry, light: AreaLight, where: Location, report: Report
-) -> list[tuple[Geometry, Emission]]:
+def apply_area_light(geometry: Geometry, light: AreaLight, where: Location, report: Report) -> Lit:
     """The shape with its emission, in parts where its faces differ in radiance; what is not supported is
     reported.
 
@@ -32,21 +29,24 @@ def lit(
     """
     power = light.power
     if light.emission.image is not None:
-        rectangles = pictured(geometry)
+        rectangles = image_rectangles(geometry)
         if rectangles is None:
             report.add(
-                (
-                    "an image on an area light is supported on rectangles only: patches, or pairs of triangles "  # noqa: E501
-                    "with uv, each with the whole image"
-                ),
+                "an image on an area light is supported on rectangles only: patches, or pairs of triangles "
+                "with uv, each with the whole image",
                 where,
             )
             return []
-        if power is not None and isinstance(geometry, TriangleMesh):
-            power *= 2  # that of each half
+        if power is not None:
+            power *= len(geometry.areas()) // len(rectangles.faces)  # each half of a rectangle has its own
         geometry = rectangles
     if power is None:
         return [(geometry, light.emission)]
+    return _spread(geometry, light, power, report)
+
+
+def _spread(geometry: Geometry, light: AreaLight, power: float, report: Report) -> Lit:
+    """The shape in parts of one radiance each, every face emitting `power`, in W."""
     parts = _by_area(geometry)
     if len(parts) > PARTS:
         report.add(
@@ -70,30 +70,78 @@ def lit(
 
 def _by_area(geometry: Geometry) -> list[tuple[Geometry, float]]:
     """The geometry in parts whose faces have one area, with that area."""
-    if isinstance(geometry, Sphere):
-        return [(geometry, 4 * np.pi * geometry.radius**2)]
-    if isinstance(geometry, Disk):
-        return [(geometry, np.pi * geometry.radius**2)]
-    areas = _areas(geometry)
+    areas = geometry.areas()
     order = np.argsort(areas, kind="stable")
     steps = np.diff(areas[order]) > SAME_AREA * areas[order][1:]
     groups = np.split(order, np.flatnonzero(steps) + 1)
-    if len(groups) == 1:
+    if len(groups) == 1 or not isinstance(geometry, Mesh):
         return [(geometry, float(areas.mean()))]
-    kind = type(geometry)
     return [
-        (
-            kind(geometry.vertices, geometry.faces[np.sort(group)], geometry.reverse, geometry.uv),
-            float(areas[group].mean()),
-        )
+        (replace(geometry, faces=geometry.faces[np.sort(group)]), float(areas[group].mean()))
         for group in groups[: PARTS + 1]
     ]
 
 
-def _areas(geometry: TriangleMesh | BilinearMesh) -> Array:
-    corners = np.moveaxis(geometry.vertices[geometry.faces], 1, 0)
-    if isinstance(geometry, TriangleMesh):
-        twice = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+def image_rectangles(geometry: Geometry) -> BilinearMesh | None:
+    """The same surface as rectangles whose own parameters are the image's coordinates; None where it is none.
+
+    Each must show the whole image once: its corners have the coordinates 0 and 1, in whatever order. Of a
+    triangle mesh, faces 0 and 1 are a rectangle, 2 and 3 the next. The side that emits stays.
+    """
+    if isinstance(geometry, BilinearMesh):
+        uv, points = geometry.corner_uv(), geometry.vertices[geometry.faces]
+    elif isinstance(geometry, TriangleMesh) and geometry.uv is not None and len(geometry.faces) % 2 == 0:
+        pairs = geometry.faces.reshape(-1, 6)
+        uv, points = geometry.uv[pairs], geometry.vertices[pairs]
+        agree = np.sum(_normals(points[:, :3]) * _normals(points[:, 3:]), axis=1) > 0
+        if not (_are_halves(uv) and np.all(agree)):
+            return None
     else:
-        twice = np.cross(corners[3] - corners[0], corners[2] - corners[1])
-    return np.linalg.norm(twice, axis=1) / 2
+        return None
+    normal, corners = _normals(points), _at_image_corners(points, uv)
+    if corners is None:
+        return None
+    faces = np.arange(4 * len(corners), dtype=np.int64).reshape(-1, 4)
+    made = BilinearMesh(corners.reshape(-1, 3), faces)
+    if not made.are_rectangles():
+        return None
+    if isinstance(geometry, BilinearMesh) and np.array_equal(corners, points):
+        return geometry.untextured()
+    against = np.sum(_normals(corners) * normal, axis=1) < 0
+    if np.any(against != against[0]):
+        return None
+    return replace(made, reverse=geometry.reverse != bool(against[0]))
+
+
+def _normals(points: Array) -> Array:
+    """(q, 3) the normals of the first three of points (q, k, 3), of any length."""
+    return np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+
+
+def _are_halves(uv: Array) -> bool:
+    """Whether the two triangles of each pair, uv (q, 6, 2), are the halves of the image to both sides of a
+    diagonal.
+    """
+    here = _is_image_corner(uv)
+    first, second = here[:, :3].any(axis=1), here[:, 3:].any(axis=1)  # (q, 4): which corners each has
+    three = (first.sum(axis=1) == 3) & (second.sum(axis=1) == 3)
+    # Each lacks one corner; those two lie across from each other: in a patch's order 0 and 3, or 1 and 2.
+    return bool(np.all(three) and np.all(np.argmin(first, axis=1) + np.argmin(second, axis=1) == 3))
+
+
+def _is_image_corner(uv: Array) -> NDArray[np.bool_]:
+    """(q, k, 4): at which of the image's corners coordinates (q, k, 2) is, in a patch's order."""
+    return np.all(uv[:, :, None, :] == PATCH_UV, axis=-1)
+
+
+def _at_image_corners(points: Array, uv: Array) -> Array | None:
+    """The points (q, 4, 3) at the image's corners, of points (q, k, 3) at uv (q, k, 2); None where one has
+    none or several.
+    """
+    here = _is_image_corner(uv)
+    if not (np.all(here.any(axis=2)) and np.all(here.any(axis=1))):
+        return None
+    found = np.take_along_axis(points, np.argmax(here, axis=1)[:, :, None], axis=1)
+    expected = np.take_along_axis(found, np.argmax(here, axis=2)[:, :, None], axis=1)
+    size = np.linalg.norm(found[:, 3] - found[:, 0], axis=1)
+    return found if np.all(np.linalg.norm(expected - points, axis=2) <= SAME_POINT * size[:, None]) else None

@@ -11,18 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenes.description.shapes import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
+from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis
 from scenes.errors import SceneError, Unsupported
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.state import Builder, PlacedShape, check_room
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, Transform, orthonormal, uniform_scale, unit
-
-Array = NDArray[np.float64]
+from scenes.pbrt.write.text import block, matrix, numbers, rotation
 
 
 def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -58,12 +57,10 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
     with np.errstate(all="ignore"):
         geometries = _SHAPES[kind](parameters, placement)
         for geometry in geometries:
-            check_range(geometry, parameters)
-        if placement.light is not None:
-            return [
-                _emitting(one, parameters) if isinstance(one, TriangleMesh) else one for one in geometries
-            ]
-    return geometries
+            problem = range_problem(geometry)
+            if problem is not None:
+                raise SceneError(problem, parameters.where)
+        return [_emitting(g, parameters) for g in geometries] if placement.light else geometries
 
 
 def _check_alpha(parameters: Parameters) -> None:
@@ -72,35 +69,25 @@ def _check_alpha(parameters: Parameters) -> None:
         parameters.unsupported("alpha", "alpha is not supported: surfaces have no holes")
 
 
-def check_range(geometry: Geometry, parameters: Parameters) -> None:
-    """SceneError where a shape is too large or too small to compute with."""
-    problem = range_problem(geometry)
-    if problem is not None:
-        raise SceneError(problem, parameters.where)
-
-
 def range_problem(geometry: Geometry) -> str | None:
     """Why a shape is too large or too small to compute with, or None."""
-    if isinstance(geometry, TriangleMesh | BilinearMesh):
-        numbers = geometry.vertices
-    else:
-        numbers = np.append(geometry.center, geometry.radius)
-        if not geometry.radius >= 1 / COORDINATE_LIMIT:
-            return f"the radius is too small to compute with: {geometry.radius:g}"
-    if not np.all(np.abs(numbers) <= COORDINATE_LIMIT):
+    if not isinstance(geometry, Mesh) and not geometry.radius >= 1 / COORDINATE_LIMIT:
+        return f"the radius is too small to compute with: {geometry.radius:g}"
+    if not np.all(np.abs(geometry.corners) <= COORDINATE_LIMIT):
         return f"the shape reaches beyond {COORDINATE_LIMIT:g}, the largest coordinate"
     return None
 
 
-def _emitting(geometry: TriangleMesh, parameters: Parameters) -> TriangleMesh:
-    """The mesh without the faces that have no area, which are lights of no power in pbrt; SceneError if there
-    is none with.
+def _emitting(geometry: Geometry, parameters: Parameters) -> Geometry:
+    """A triangle mesh without the faces that have no area, which are lights of no power in pbrt; SceneError
+    where all are. Other shapes as they are.
     """
-    corners = geometry.vertices[geometry.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    if not np.any(area > 0):
+    if not isinstance(geometry, TriangleMesh):
+        return geometry
+    whole = geometry.areas() > 0
+    if not np.any(whole):
         raise SceneError("the mesh emits light but has no area", parameters.where)
-    return geometry if np.all(area > 0) else replace(geometry, faces=geometry.faces[area > 0])
+    return geometry if np.all(whole) else replace(geometry, faces=geometry.faces[whole])
 
 
 def _radius(parameters: Parameters) -> float:
@@ -123,8 +110,9 @@ def _check_side(parameters: Parameters, placement: Placement) -> None:
     light = placement.light
     if light and not light.emission.two_sided and placement.transform.swaps_handedness:
         raise Unsupported(
-            f"a one-sided light on a {parameters.owner} under a mirroring transformation: pbrt-v4 contradicts itself "  # noqa: E501
-            "about the side it emits on; take the mirroring out and use ReverseOrientation",
+            f"a one-sided light on a {parameters.owner} under a mirroring transformation: "
+            "pbrt-v4 contradicts itself about the side it emits on; take the mirroring out and use "
+            "ReverseOrientation",
             parameters.where,
         )
 
@@ -136,7 +124,7 @@ def _sphere(parameters: Parameters, placement: Placement) -> list[Geometry]:
     _only(parameters, "phimax", 360.0)
     _check_side(parameters, placement)
     plain = Sphere(np.zeros(3), radius, placement.reverse, np.eye(3))
-    return [_checked(moved_sphere(plain, placement.transform), "an ellipsoid of the sphere", parameters)]
+    return [_placed(plain, placement, "an ellipsoid of the sphere", parameters)]
 
 
 def _disk(parameters: Parameters, placement: Placement) -> list[Geometry]:
@@ -150,55 +138,108 @@ def _disk(parameters: Parameters, placement: Placement) -> list[Geometry]:
         radius,
         np.eye(3),
     )
-    return [
-        _checked(
-            moved_disk(plain, placement.transform, placement.light is not None),
-            "an ellipse of the disk",
-            parameters,
-        )
-    ]
+    return [_placed(plain, placement, "an ellipse of the disk", parameters)]
 
 
-def _checked(geometry: Geometry | None, made: str, parameters: Parameters) -> Geometry:
-    if geometry is None:
-        raise Unsupported(f"the transformation makes {made}; that is not supported", parameters.where)
-    return geometry
+def _placed(geometry: Geometry, placement: Placement, otherwise: str, parameters: Parameters) -> Geometry:
+    """otherwise: what the transformation makes of the shape where there is no such kind."""
+    placed = place(geometry, placement.transform, placement.light is not None)
+    if placed is None:
+        raise Unsupported(f"the transformation makes {otherwise}; that is not supported", parameters.where)
+    return placed
 
 
-def moved_sphere(sphere: Sphere, transform: Transform) -> Sphere | None:
-    """A sphere under a transformation; None where that stretches it."""
+@singledispatch
+def place(geometry: Geometry, transform: Transform, emits: bool = False) -> Geometry | None:
+    """A shape under a transformation; None where that makes it a shape of no kind that there is.
+
+    emits: whether it is a light. A disk that is one keeps its side under a mirror.
+    """
+    raise TypeError(f"no transformation is known for {type(geometry).__name__}")
+
+
+@place.register
+def _(geometry: Mesh, transform: Transform, emits: bool = False) -> Mesh:
+    reverse = geometry.reverse != transform.swaps_handedness
+    return replace(geometry, vertices=transform.points(geometry.vertices), reverse=reverse)
+
+
+@place.register
+def _(geometry: Sphere, transform: Transform, emits: bool = False) -> Sphere | None:
     linear = transform.matrix[:3, :3]
     factor, frame = uniform_scale(linear), orthonormal(linear)
-    if factor is None or frame is None or sphere.frame is None:
+    if factor is None or frame is None or geometry.frame is None:
         return None
-    center = transform.points(sphere.center[None])[0]
-    return Sphere(
-        center, sphere.radius * factor, sphere.reverse != transform.swaps_handedness, frame @ sphere.frame
-    )
+    center = transform.points(geometry.center[None])[0]
+    reverse = geometry.reverse != transform.swaps_handedness
+    return Sphere(center, geometry.radius * factor, reverse, frame @ geometry.frame)
 
 
-def moved_disk(disk: Disk, transform: Transform, emits: bool = False) -> Disk | None:
-    """A disk under a transformation; None where that stretches it.
-
-    What emits keeps its side under a mirror (it is two-sided).
-    """
-    if disk.frame is None:
+@place.register
+def _(geometry: Disk, transform: Transform, emits: bool = False) -> Disk | None:
+    if geometry.frame is None:
         return None
-    plane = transform.matrix[:3, :3] @ disk.frame[:, :2]
+    plane = transform.matrix[:3, :3] @ geometry.frame[:, :2]
     factor = uniform_scale(plane)
     if factor is None:
         return None
     turned = transform.swaps_handedness and not emits
-    normal, axis = (_normal(transform, n) for n in (disk.normal, disk.frame[:, 2]))
+    normal, axis = (_normal(transform, n) for n in (geometry.normal, geometry.frame[:, 2]))
     frame = np.stack([unit(plane[:, 0]), unit(plane[:, 1]), axis], axis=1) + 0.0
-    center = transform.points(disk.center[None])[0]
-    return Disk(center, (-normal if turned else normal) + 0.0, disk.radius * factor, frame)
+    center = transform.points(geometry.center[None])[0]
+    return Disk(center, (-normal if turned else normal) + 0.0, geometry.radius * factor, frame)
 
 
 def _normal(transform: Transform, n: Array) -> Array:
     """The image of a normal, by the inverse transpose: (3,), unit."""
     rows = transform.inverse
     return unit(rows[0, :3] * n[0] + rows[1, :3] * n[1] + rows[2, :3] * n[2])
+
+
+@singledispatch
+def shape_text(geometry: Geometry, emits: bool) -> list[str]:
+    """The lines of pbrt text that place a shape in the world and name it; emits: whether it is a light."""
+    raise TypeError(f"there is no pbrt text for {type(geometry).__name__}")
+
+
+@shape_text.register
+def _(geometry: Mesh, emits: bool) -> list[str]:
+    kind = "trianglemesh" if isinstance(geometry, TriangleMesh) else "bilinearmesh"
+    lines = [*_reverse(geometry.reverse), f'Shape "{kind}"']
+    lines += block('"point3 P"', geometry.vertices.ravel().tolist())
+    if geometry.uv is not None:
+        lines += block('"point2 uv"', geometry.uv.ravel().tolist())
+    return [*lines, *block('"integer indices"', geometry.faces.ravel().tolist())]
+
+
+@shape_text.register
+def _(geometry: Sphere, emits: bool) -> list[str]:
+    frame, center = geometry.frame, f"Translate {numbers(geometry.center)}"
+    turned = geometry.reverse != (frame is not None and _mirrors(frame))
+    axes = [] if frame is None else [rotation(frame, "a sphere's")]
+    return [*_reverse(turned), center, *axes, f'Shape "sphere" "float radius" [ {geometry.radius!r} ]']
+
+
+@shape_text.register
+def _(geometry: Disk, emits: bool) -> list[str]:
+    """Under its own frame, or a right-handed one whose third axis is the normal to the bit."""
+    frame, normal, center = geometry.frame, geometry.normal, f"Translate {numbers(geometry.center)}"
+    turned = False
+    if frame is None:
+        axes = matrix("ConcatTransform", basis(normal))
+    else:
+        # A light keeps its side under a mirror, in pbrt and here.
+        turned = (float(frame[:, 2] @ normal) < 0) != (_mirrors(frame) and not emits)
+        axes = rotation(frame, "a disk's")
+    return [*_reverse(turned), center, axes, f'Shape "disk" "float radius" [ {geometry.radius!r} ]']
+
+
+def _reverse(turned: bool) -> list[str]:
+    return ["ReverseOrientation"] if turned else []
+
+
+def _mirrors(frame: Array) -> bool:
+    return bool(np.linalg.det(frame) < 0)
 
 
 _SHAPES: dict[str, Callable[[Parameters, Placement], list[Geometry]]] = {

@@ -17,10 +17,11 @@ import numpy as np
 
 from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
 from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, SceneDescription
-from scenes.description.shapes import Array, Disk, Geometry, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import Array, ShapeDescription
 from scenes.errors import PenumbraError
+from scenes.pbrt.directives.shapes import shape_text
 from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light, scaled_image
-from scenes.pbrt.write.text import block, comment, is_orthonormal, matrix, numbers, quoted, rotation
+from scenes.pbrt.write.text import comment, is_orthonormal, matrix, numbers, quoted, rotation
 
 AMBIENT = "ambient-occlusion"
 SIMPLE_PATH = {
@@ -206,46 +207,4 @@ def _shape(shape: ShapeDescription, surfaces: Surfaces) -> list[str]:
     if shape.emission is not None:
         lines.append(area_light(shape.emission, surfaces.files))
     lines += surfaces.material(shape.material)
-    return [*lines, *_geometry(shape.geometry, shape.emission is not None)]
-
-
-def _geometry(geometry: Geometry, emits: bool) -> list[str]:
-    if isinstance(geometry, Disk):
-        return [*_disk_frame(geometry, emits), f'Shape "disk" "float radius" [ {geometry.radius!r} ]']
-    if isinstance(geometry, Sphere):
-        return [*_sphere_frame(geometry), f'Shape "sphere" "float radius" [ {geometry.radius!r} ]']
-    kind = "trianglemesh" if isinstance(geometry, TriangleMesh) else "bilinearmesh"
-    lines = ["ReverseOrientation"] if geometry.reverse else []
-    lines += [f'Shape "{kind}"', *block('"point3 P"', geometry.vertices.ravel().tolist())]
-    if geometry.uv is not None:
-        lines += block('"point2 uv"', geometry.uv.ravel().tolist())
-    return [*lines, *block('"integer indices"', geometry.faces.ravel().tolist())]
-
-
-def _sphere_frame(sphere: Sphere) -> list[str]:
-    center = f"Translate {numbers(sphere.center)}"
-    if sphere.frame is None:
-        return [*(["ReverseOrientation"] if sphere.reverse else []), center]
-    turned = sphere.reverse != _mirrors(sphere.frame)
-    return [*(["ReverseOrientation"] if turned else []), center, rotation(sphere.frame, "a sphere's")]
-
-
-def _disk_frame(disk: Disk, emits: bool) -> list[str]:
-    """The transformation to the disk, its normal to the bit: of its own frame, or of a right-handed one whose
-    third axis is the normal.
-    """
-    place = f"Translate {numbers(disk.center)}"
-    if disk.frame is not None:
-        against = float(disk.frame[:, 2] @ disk.normal) < 0
-        turned = against != (
-            _mirrors(disk.frame) and not emits
-        )  # a light keeps its side under a mirror, in pbrt and here
-        return [*(["ReverseOrientation"] if turned else []), place, rotation(disk.frame, "a disk's")]
-    normal = disk.normal
-    tangent = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
-    tangent /= np.linalg.norm(tangent)
-    return [place, matrix("ConcatTransform", np.stack([tangent, np.cross(normal, tangent), normal], axis=1))]
-
-
-def _mirrors(frame: Array) -> bool:
-    return bool(np.linalg.det(frame) < 0)
+    return [*lines, *shape_text(shape.geometry, shape.emission is not None)]

@@ -122,12 +122,12 @@ def test_the_patches_of_one_light_shade_each_other():
     both = light(BilinearMesh(p, np.array([[0, 1, 2, 3], [4, 6, 5, 7]])))
     alone = light(BilinearMesh(p[:4], np.array([[0, 1, 2, 3]])))
     upright = ShapeDescription(BilinearMesh(p[4:], np.array([[0, 2, 1, 3]])), Diffuse(np.zeros(3)))
-    emission_images = [
+    images = [
         render(build(scene([floor(), *s], eye=(0.0, 6.0, -0.01), target=(0.0, 0.0, 0.0))), spp=16)
         for s in ([both], [alone, upright])
     ]
     full = render(
         build(scene([floor(), both], eye=(0.0, 6.0, -0.01), target=(0.0, 0.0, 0.0))), spp=16, prune=False
     )
-    assert np.array_equal(emission_images[0].image, full.image)
-    assert GRAY.reflectance[0] == 0.5 and emission_images[1].image.mean() > 0
+    assert np.array_equal(images[0].image, full.image)
+    assert GRAY.reflectance[0] == 0.5 and images[1].image.mean() > 0
