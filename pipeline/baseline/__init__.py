@@ -2,7 +2,7 @@
 each area light, no shadows.
 
     surfaces.py   SceneDescription -> triangles in camera space
-    lamps.py      lights -> points, spots, directions and a constant
+    lights.py     lights -> lights without size, and a constant
     scene.py      both together, and the camera
     worker.py     the only import of pyrender, in a process of its own
     process.py    starts it and takes the image and the depth

@@ -13,11 +13,12 @@ of the chart.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import singledispatch
 
 import numpy as np
 
 from pipeline.baseline.surfaces import View, mean_emission, tessellate
-from pipeline.baseline.task import Array, Lamp
+from pipeline.baseline.task import Array, SizelessLight
 from pipeline.references.mitsuba.environment import radiance
 from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
 from scenes.description.shapes import ShapeDescription, Sphere
@@ -26,7 +27,7 @@ FLAT = 1e-6  # of an area: what may be missing of it in the sum of its triangles
 DIRECTIONS = 2**14  # to take the mean of an environment over
 
 
-def of_shape(shape: ShapeDescription, view: View) -> Iterator[Lamp]:
+def of_shape(shape: ShapeDescription, view: View) -> Iterator[SizelessLight]:
     """What stands for an emitting shape; a sphere that shines inwards is none of these, see `ambient`."""
     if shape.emission is None or encloses(shape):
         return
@@ -37,18 +38,13 @@ def of_shape(shape: ShapeDescription, view: View) -> Iterator[Lamp]:
     middle = view.points((areas[:, None] * corners.mean(axis=1)).sum(axis=0) / total)
     axis = view.vectors(vector)
     if isinstance(shape.geometry, Sphere):
-        yield Lamp(
-            "point", emission * np.pi * shape.geometry.radius**2, view.points(shape.geometry.center), _Z
-        )
+        yield SizelessLight(emission * np.pi * shape.geometry.radius**2, view.points(shape.geometry.center))
     elif np.linalg.norm(vector) > (1 - FLAT) * total:
         axis /= np.linalg.norm(axis)
         for side in (1.0, -1.0) if shape.emission.two_sided else (1.0,):
-            yield Lamp("flat", emission * total, middle, side * axis)
+            yield SizelessLight(emission * total, middle, side * axis, linear=True)
     else:
-        yield Lamp("point", emission * total / 4, middle, _Z)
-
-
-_Z = np.array([0.0, 0.0, 1.0])
+        yield SizelessLight(emission * total / 4, middle)
 
 
 def encloses(shape: ShapeDescription) -> bool:
@@ -56,19 +52,27 @@ def encloses(shape: ShapeDescription) -> bool:
     return shape.emission is not None and isinstance(shape.geometry, Sphere) and shape.geometry.reverse
 
 
-def of_light(light: Light, view: View) -> Iterator[Lamp]:
-    """A light that is no shape, if it comes from one place or direction."""
-    match light:
-        case PointLight():
-            yield Lamp("point", light.intensity * view.scale**2, view.points(light.position), _Z)
-        case SpotLight():
-            cone, falloff = np.radians(min(light.cone, 90.0)), np.radians(min(light.falloff_start, 90.0))
-            where = view.points(light.position), view.vectors(light.axis)
-            yield Lamp("spot", light.intensity * view.scale**2, *where, float(falloff), float(cone))
-        case DistantLight():
-            yield Lamp("distant", light.irradiance, np.zeros(3), -view.vectors(light.wi))
-        case Environment():
-            pass
+@singledispatch
+def of_light(light: Light, view: View) -> SizelessLight:
+    """A light that comes from one place or direction."""
+    raise TypeError(f"a {type(light).__name__} cannot be rasterised")
+
+
+@of_light.register
+def _(light: PointLight, view: View) -> SizelessLight:
+    return SizelessLight(light.intensity * view.scale**2, view.points(light.position))
+
+
+@of_light.register
+def _(light: SpotLight, view: View) -> SizelessLight:
+    inner, outer = (float(np.radians(min(angle, 90.0))) for angle in (light.falloff_start, light.cone))
+    position, axis = view.points(light.position), view.vectors(light.axis)
+    return SizelessLight(light.intensity * view.scale**2, position, axis, inner, outer)
+
+
+@of_light.register
+def _(light: DistantLight, view: View) -> SizelessLight:
+    return SizelessLight(light.irradiance, None, -view.vectors(light.wi))
 
 
 def ambient(environment: Environment) -> Array:

@@ -1,4 +1,4 @@
-"""SceneDescription -> what the worker draws: camera, surfaces, lamps, surroundings."""
+"""SceneDescription -> what the worker draws: camera, surfaces, lights, surroundings."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from pipeline.baseline.lights import ambient, encloses, of_light, of_shape
 from pipeline.baseline.surfaces import View, mean_emission, surface, tessellate
 from pipeline.baseline.task import Array, Task
 from pipeline.references.mitsuba.environment import radiance
-from scenes.description.lights import Environment
+from scenes.description.lights import Environment, environments
 from scenes.description.scene import PerspectiveCamera, SceneDescription
 from scenes.errors import SceneError
 
 # a light of each kind takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or
 # more
-MOST_LAMPS = 96
+MOST_LIGHTS = 96
 
 
 def refuses(scene: SceneDescription) -> str | None:
     """Why the scene cannot be rasterised, in one sentence, or None."""
     lights = sum(shape.emission is not None for shape in scene.shapes) + len(scene.lights)
-    if lights > MOST_LAMPS:
-        return f"it has {lights} lights, and a shader here has room for {MOST_LAMPS}"
+    if lights > MOST_LIGHTS:
+        return f"it has {lights} lights, and a shader here has room for {MOST_LIGHTS}"
     try:
         make_view(scene.camera)
     except SceneError as error:
@@ -40,16 +40,16 @@ def convert(scene: SceneDescription) -> Task:
     farthest = max((float(depth.max(initial=0.0)) for depth in depths), default=0.0)
     view = replace(view, scale=1.0 / farthest if farthest > 0 else 1.0)
     film = scene.film
-    lamps = [lamp for shape in scene.shapes for lamp in of_shape(shape, view)]
-    lamps += [lamp for light in scene.lights for lamp in of_light(light, view)]
-    skies = [light for light in scene.lights if isinstance(light, Environment)]
+    lights = [light for shape in scene.shapes for light in of_shape(shape, view)]
+    lights += [of_light(light, view) for light in scene.lights if not light.surrounds]
+    skies = environments(scene.lights)
     domes = [mean_emission(shape.emission) for shape in scene.shapes if encloses(shape) and shape.emission]
     return Task(
         film.width,
         film.height,
         scene.camera.film_plane(film),
         tuple(surface(shape, view) for shape in scene.shapes),
-        tuple(lamps),
+        tuple(lights),
         np.sum([np.zeros(3), *(ambient(sky) for sky in skies), *domes], axis=0),
         _background(scene, view, skies),
         1.0 / view.scale,
@@ -73,7 +73,7 @@ def make_view(camera: PerspectiveCamera) -> View:
     return View(camera.camera_to_world[:3, 3], axes * np.array([[1.0], [1.0], [-1.0]]))
 
 
-def _background(scene: SceneDescription, view: View, skies: list[Environment]) -> Array:
+def _background(scene: SceneDescription, view: View, skies: tuple[Environment, ...]) -> Array:
     """What is seen where no surface is, (h, w, 3), along the ray through each pixel's middle."""
     w, h = scene.film.width, scene.film.height
     image = np.zeros((h, w, 3))

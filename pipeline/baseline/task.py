@@ -32,20 +32,21 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Lamp:
-    """A light without size. kind: "point", "spot", "flat" (a point that falls off with the cosine to its
-    axis) or "distant".
+class SizelessLight:
+    """A light without size.
 
-    power: (3,), W/sr, along the axis; of a distant one W/m^2. position: (3,). axis: (3,), unit, the way it
-    shines. falloff, cone: of a spot, radians.
+    power: (3,), W/sr along the axis; W/m^2 of a light at infinity. position: (3,), None at infinity.
+    axis: (3,), unit, the way it shines; None for all around. inner, outer: radians off the axis where
+    a light with a place and an axis begins and ends to fade. linear: whether it fades with the cosine or by
+    its smoothstep.
     """
 
-    kind: str
     power: Array
-    position: Array
-    axis: Array
-    falloff: float = 0.0
-    cone: float = np.pi / 2
+    position: Array | None
+    axis: Array | None = None
+    inner: float = 0.0
+    outer: float = np.pi / 2
+    linear: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class Task:
     height: int
     film: tuple[float, float, float, float]
     surfaces: tuple[Surface, ...]
-    lamps: tuple[Lamp, ...]
+    lights: tuple[SizelessLight, ...]
     ambient: Array
     background: Array
     unit: float

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.baseline.task import Array, Lamp, Surface, Task
+from pipeline.baseline.task import Array, SizelessLight, Surface, Task
 
 TASKS = "tasks.pickle"
 NEAREST = 1e-5  # of the farthest depth: what is nearer is cut off
@@ -80,7 +80,7 @@ class _Canvas:
         from pyrender.shader_program import ShaderProgramCache
 
         self.gl, self.size = GL, (task.width, task.height)
-        pyrender.renderer.MAX_N_LIGHTS = max(4, len(task.lamps))
+        pyrender.renderer.MAX_N_LIGHTS = max(4, len(task.lights))
         self.offscreen = pyrender.OffscreenRenderer(task.width, task.height)  # keeps the context alive
         self.renderer: Any = self.offscreen._renderer
         self.renderer._program_cache = ShaderProgramCache(str(SHADERS))
@@ -133,8 +133,8 @@ def _scene(pyrender: Any, task: Task, camera: Any) -> Any:
     scene.add(camera, pose=np.eye(4))
     for surface in task.surfaces:
         scene.add(_mesh(pyrender, surface))
-    for lamp in task.lamps:
-        scene.add(_light(pyrender, lamp), pose=_pose(lamp))
+    for light in task.lights:
+        scene.add(_light(pyrender, light), pose=_pose(light))
     return scene
 
 
@@ -152,26 +152,30 @@ def _mesh(pyrender: Any, surface: Surface) -> Any:
     )
 
 
-def _light(pyrender: Any, lamp: Lamp) -> Any:
-    """pyrender's light; what stands in its fields is told in shaders/mesh.frag."""
-    if lamp.kind == "point":
-        return pyrender.PointLight(color=lamp.power)
-    if lamp.kind == "distant":
-        return pyrender.DirectionalLight(color=lamp.power)
-    flat = lamp.kind == "flat"
+def _light(pyrender: Any, light: SizelessLight) -> Any:
+    """pyrender's light; shaders/mesh.frag tells how it reads the fields."""
+    if light.position is None:
+        return pyrender.DirectionalLight(color=light.power)
+    if light.axis is None:
+        return pyrender.PointLight(color=light.power)
     return pyrender.SpotLight(
-        color=lamp.power, intensity=float(flat), innerConeAngle=lamp.falloff, outerConeAngle=lamp.cone
+        color=light.power,
+        intensity=float(light.linear),
+        innerConeAngle=light.inner,
+        outerConeAngle=light.outer,
     )
 
 
-def _pose(lamp: Lamp) -> Array:
+def _pose(light: SizelessLight) -> Array:
     """The transformation (4, 4) that puts a light at its place and turns its -z the way it shines."""
-    z = -lamp.axis
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x /= np.linalg.norm(x)
     result = np.eye(4)
-    result[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    result[:3, 3] = lamp.position
+    if light.axis is not None:
+        z = -light.axis
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        result[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    if light.position is not None:
+        result[:3, 3] = light.position
     return result
 
 

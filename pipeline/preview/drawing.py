@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import HIDDEN, IDLE, SEEN, Tried
 from pipeline.preview.view import View
 from renderer import RenderScene
-from scenes.description.lights import Environment, PointLight, SpotLight
 from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
@@ -170,14 +169,11 @@ def _mesh(pv: Any, shape: ShapeDescription) -> Any:
 def _lights(pv: Any, plotter: Any, scene: SceneDescription, view: View) -> None:
     """Lights that are no shapes: a ball where one has a place, an arrow where one has a direction."""
     for light in scene.lights:
-        if isinstance(light, PointLight | SpotLight):
-            plotter.add_mesh(
-                pv.Sphere(radius=0.02 * view.extent, center=light.position * HANDED),
-                color="#ffd75e",
-                lighting=False,
-            )
-        elif not isinstance(light, Environment):
-            towards = light.wi * HANDED
+        if light.place is not None:
+            ball = pv.Sphere(radius=0.02 * view.extent, center=light.place * HANDED)
+            plotter.add_mesh(ball, color="#ffd75e", lighting=False)
+        elif light.towards is not None:
+            towards = light.towards * HANDED
             start = view.target + towards * 0.75 * view.extent
             arrow = pv.Arrow(
                 start=start, direction=-towards, scale=0.25 * view.extent, shaft_radius=0.02, tip_radius=0.06

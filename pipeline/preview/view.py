@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import Tried
 from renderer import RenderScene, render
 from renderer.camera import Camera
-from scenes.description.lights import PointLight, SpotLight
 from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 
 Array = NDArray[np.float64]
@@ -68,11 +67,7 @@ def extent_of(scene: RenderScene) -> tuple[Array, Array]:
     place.
     """
     points = [in_view(scene), scene.camera.origin.T]
-    points += [
-        light.position[None]
-        for light in scene.description.lights
-        if isinstance(light, PointLight | SpotLight)
-    ]
+    points += [light.place[None] for light in scene.description.lights if light.place is not None]
     points += [_points(shape) for shape in scene.description.shapes if shape.emission is not None]
     every = np.concatenate(points)
     return every.min(axis=0), every.max(axis=0)
@@ -175,8 +170,8 @@ def _labels(scene: RenderScene) -> list[tuple[Array, str]]:
     for source, name in zip(scene.sources.all, scene.sources.names, strict=True):
         if isinstance(source, ShapeDescription):
             labels.append((_points(source).mean(axis=0), f"light: {name}"))
-        elif isinstance(source, PointLight | SpotLight):
-            labels.append((source.position, f"light: {name}"))
+        elif source.place is not None:
+            labels.append((source.place, f"light: {name}"))
     return labels if len(labels) <= LABELS + 1 else [labels[0]]
 
 

@@ -22,7 +22,7 @@ from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
 from renderer.plan.proofs import blocks, crosses, extents, provable, reach
 from renderer.records import SurfaceHit
-from scenes.description.lights import Environment
+from scenes.description.shapes import ShapeDescription
 
 PRUNINGS = ("emission", "reach", "occlusion", "blockers", "horizon")
 
@@ -166,7 +166,7 @@ def _seen(source: Source, visible: Bools, shape: int) -> bool:
     """Whether a camera ray may meet a light: what has no extent is not seen, what surrounds the scene always
     may be.
     """
-    return bool(visible[shape]) if shape >= 0 else isinstance(source, Environment)
+    return bool(visible[shape]) if isinstance(source, ShapeDescription) else source.surrounds
 
 
 def _corners(scene: RenderScene, shape: int) -> Floats:

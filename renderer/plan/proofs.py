@@ -15,7 +15,7 @@ from renderer.build import RenderScene
 from renderer.geometry.bounds import TOLERANCE
 from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
-from scenes.description.lights import DistantLight, PointLight, SpotLight
+from scenes.description.shapes import ShapeDescription
 
 Bools = NDArray[np.bool_]
 # A distant light whose direction makes less with a plane may pass along it, as far as these proofs are
@@ -72,16 +72,16 @@ def extents(scene: RenderScene) -> Extents:
 
 def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int) -> tuple[Floats, Floats]:
     """Least and greatest of n . x, each (m,), over a source of light."""
-    if isinstance(source, PointLight | SpotLight):
-        at = np.einsum("mc,c->m", normals, source.position)
+    if isinstance(source, ShapeDescription):
+        return low[:, shape], high[:, shape]
+    if source.place is not None:
+        at = np.einsum("mc,c->m", normals, source.place)
         return at, at
-    if isinstance(source, DistantLight):
-        rise = np.einsum("mc,c->m", normals, source.wi)
+    if source.towards is not None:
+        rise = np.einsum("mc,c->m", normals, source.towards)
         at = np.where(np.abs(rise) > ALONG, np.copysign(np.inf, rise), np.nan)  # NaN: nothing is proved
         return at, at
-    if shape < 0:
-        return np.full(len(normals), -np.inf), np.full(len(normals), np.inf)
-    return low[:, shape], high[:, shape]
+    return np.full(len(normals), -np.inf), np.full(len(normals), np.inf)
 
 
 def _faces_camera(e: Extents) -> NDArray[np.int64]:

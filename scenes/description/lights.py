@@ -1,8 +1,21 @@
-"""Lights that are no shapes."""
+"""Lights that are no shapes.
+
+Every kind says the same few things of itself, so that nobody else needs to know which kinds there are:
+
+    where            its line of the scene file
+    place            the point (3,) that it shines from, None without one
+    towards          the unit vector (3,) towards a light at infinity, None for any other
+    surrounds        whether it shines from all around, the only one that a ray can meet
+    has_closed_form  whether its unshadowed irradiance is a formula
+    scaled           the light with its radiometric amount multiplied
+    map_colors       the light with a function applied to its colours (..., 3)
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +29,38 @@ Array = NDArray[np.float64]
 class PointLight:
     """position: (3,). intensity: (3,), W/sr."""
 
+    surrounds: ClassVar[bool] = False
+    towards: ClassVar[None] = None
+    has_closed_form: ClassVar[bool] = True
+
     position: Array
     intensity: Array
     where: Location | None = field(default=None, metadata={"content": False})
 
+    @property
+    def place(self) -> Array:
+        return self.position
+
     def scaled(self, factor: float) -> PointLight:
-        """The light with its radiometric amount multiplied."""
         return replace(self, intensity=self.intensity * factor)
+
+    def map_colors(self, change: Callable[[Array], Array]) -> PointLight:
+        return replace(self, intensity=change(self.intensity))
 
 
 @dataclass(frozen=True, eq=False)
 class SpotLight:
-    """A point light that falls off from full at `falloff_start` to nothing at `cone` off its axis, both in
-    degrees, by pbrt's smoothstep of the cosine.
+    """A point light that fades out around its axis.
+
+    It shines in full up to `falloff_start` and not at all from `cone` on, both in degrees off the axis.
+    Between them it follows pbrt's smoothstep of the cosine.
 
     position: (3,). axis: (3,), unit, the way it shines. intensity: (3,), W/sr, along the axis.
     """
+
+    surrounds: ClassVar[bool] = False
+    towards: ClassVar[None] = None
+    has_closed_form: ClassVar[bool] = True
 
     position: Array
     axis: Array
@@ -40,36 +69,59 @@ class SpotLight:
     falloff_start: float
     where: Location | None = field(default=None, metadata={"content": False})
 
+    @property
+    def place(self) -> Array:
+        return self.position
+
     def scaled(self, factor: float) -> SpotLight:
-        """The light with its radiometric amount multiplied."""
         return replace(self, intensity=self.intensity * factor)
+
+    def map_colors(self, change: Callable[[Array], Array]) -> SpotLight:
+        return replace(self, intensity=change(self.intensity))
 
 
 @dataclass(frozen=True, eq=False)
 class DistantLight:
-    """Light from one direction. wi: (3,), unit, towards the light. irradiance: (3,), W/m^2, on a surface
-    facing it (pbrt calls it `L`).
+    """Light from one direction.
+
+    wi: (3,), unit, towards the light. irradiance: (3,), W/m^2, on a surface facing it; pbrt calls it `L`.
     """
+
+    surrounds: ClassVar[bool] = False
+    place: ClassVar[None] = None
+    has_closed_form: ClassVar[bool] = True
 
     wi: Array
     irradiance: Array
     where: Location | None = field(default=None, metadata={"content": False})
 
+    @property
+    def towards(self) -> Array:
+        return self.wi
+
     def scaled(self, factor: float) -> DistantLight:
-        """The light with its radiometric amount multiplied."""
         return replace(self, irradiance=self.irradiance * factor)
+
+    def map_colors(self, change: Callable[[Array], Array]) -> DistantLight:
+        return replace(self, irradiance=change(self.irradiance))
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Light from all around, or from the half about `up` only.
+    """Light from all around, or from the half about the frame's third axis only.
 
-    radiance: (3,), W/(m^2 sr), what the image is multiplied by. image: (h, w, 3) float64 or None; mapping:
-    how directions fall on it, "equal-area" (pbrt's square octahedral map) or "latitude-longitude" (ours:
-    first row about +z of its own space, columns by the angle from +x towards +y). frame: (3, 3) float64,
+    radiance: (3,), W/(m^2 sr), multiplies the image. image: (h, w, 3) float64 or None. frame: (3, 3) float64,
     columns the light's own axes in world space, orthonormal (left-handed under a mirror). hemisphere: whether
-    it ends where the light's own z is 0.
+    the light ends where its own z is 0.
+
+    mapping: how directions fall on the image. "equal-area" is pbrt's square octahedral map. In
+    "latitude-longitude", which is ours, the first row is about +z of the light's own space, and columns go by
+    the angle from +x towards +y.
     """
+
+    surrounds: ClassVar[bool] = True
+    place: ClassVar[None] = None
+    towards: ClassVar[None] = None
 
     radiance: Array
     image: Array | None = None
@@ -78,9 +130,26 @@ class Environment:
     hemisphere: bool = False
     where: Location | None = field(default=None, metadata={"content": False})
 
+    @property
+    def has_closed_form(self) -> bool:
+        return self.image is None
+
+    @property
+    def in_pbrt(self) -> bool:
+        """Whether pbrt-v4 has such a light: one over the whole sphere, by its own mapping."""
+        return not self.hemisphere and (self.image is None or self.mapping == "equal-area")
+
     def scaled(self, factor: float) -> Environment:
-        """The light with its radiometric amount multiplied."""
         return replace(self, radiance=self.radiance * factor)
+
+    def map_colors(self, change: Callable[[Array], Array]) -> Environment:
+        image = None if self.image is None else change(self.image)
+        return replace(self, radiance=change(self.radiance), image=image)
 
 
 Light = PointLight | SpotLight | DistantLight | Environment
+
+
+def environments(lights: Iterable[Light]) -> tuple[Environment, ...]:
+    """Those of the lights that surround the scene."""
+    return tuple(light for light in lights if isinstance(light, Environment))

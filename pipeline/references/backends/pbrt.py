@@ -38,7 +38,7 @@ from pipeline.references.protocol import (
     unlit,
 )
 from pipeline.store.keys import imported_code
-from scenes.description.lights import Environment
+from scenes.description.lights import environments
 from scenes.description.scene import RenderDefaults, SceneDescription
 from scenes.errors import PenumbraError
 from scenes.hashing import hash_file
@@ -137,17 +137,13 @@ def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
     """The scene for pbrt, with an integrator for the quantity and without any seed; PenumbraError where there
     is none.
     """
-    if any(isinstance(light, Environment) and _is_ours(light) for light in scene.lights):
+    if not all(light.in_pbrt for light in environments(scene.lights)):
         raise PenumbraError(
             "its sky ends at a horizon or is laid out by latitude, and pbrt has no such light"
         )
     defaults = RenderDefaults(estimator=None if quantity == "radiance" else quantity)
     made = export(replace(scene, defaults=defaults, film=replace(scene.film, filename="")), "scene")
     return replace(made, text=_with(made.text, "Sampler", 'Sampler "independent"'))
-
-
-def _is_ours(light: Environment) -> bool:
-    return light.hemisphere or (light.image is not None and light.mapping != "equal-area")
 
 
 def _with(text: str, directive: str, line: str) -> str:

@@ -9,6 +9,7 @@ receivers under a white, unseen sky.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from pipeline.references.closed_form.film import FilmPlane, areas, classify, cli
 from pipeline.references.closed_form.image import PixelImage
 from pipeline.references.closed_form.quadrature import sums
 from pipeline.references.closed_form.scene import Plane, Receiver, ground
-from scenes.description.lights import DistantLight, Environment
+from scenes.description.lights import DistantLight, Environment, Light
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 
@@ -40,11 +41,7 @@ class UniformScene:
 def is_uniform(scene: SceneDescription) -> bool:
     """Whether all of its light comes from directions rather than from places."""
     emits = any(shape.emission for shape in scene.shapes)
-    return (
-        bool(scene.lights)
-        and not emits
-        and all(isinstance(one, DistantLight | Environment) for one in scene.lights)
-    )
+    return bool(scene.lights) and not emits and all(light.place is None for light in scene.lights)
 
 
 def uniform_scene(scene: SceneDescription) -> UniformScene:
@@ -54,13 +51,27 @@ def uniform_scene(scene: SceneDescription) -> UniformScene:
     receivers, plane, _ = ground(scene)
     irradiance, sky = np.zeros(3), np.zeros(3)
     for light in scene.lights:
-        if isinstance(light, DistantLight):
-            irradiance = irradiance + light.irradiance * _cosine(light.wi, plane)
-        elif isinstance(light, Environment) and light.image is None and not light.hemisphere:
-            irradiance, sky = irradiance + np.pi * light.radiance, sky + light.radiance
-        else:
-            raise SceneError("the closed form needs a sky of one radiance all around", light.where)
+        received, seen = _uniform(light, plane)
+        irradiance, sky = irradiance + received, sky + seen
     return UniformScene(receivers, irradiance, sky)
+
+
+@singledispatch
+def _uniform(light: Light, plane: Plane | None) -> tuple[Array, Array]:
+    """Irradiance (3,) on the plane and radiance (3,) of the sky; SceneError where they are not constant."""
+    raise SceneError("the closed form needs a sky of one radiance all around", light.where)
+
+
+@_uniform.register
+def _(light: DistantLight, plane: Plane | None) -> tuple[Array, Array]:
+    return light.irradiance * _cosine(light.wi, plane), np.zeros(3)
+
+
+@_uniform.register
+def _(light: Environment, plane: Plane | None) -> tuple[Array, Array]:
+    if light.image is not None or light.hemisphere:
+        raise SceneError("the closed form needs a sky of one radiance all around", light.where)
+    return np.pi * light.radiance, light.radiance
 
 
 def open_scene(scene: SceneDescription) -> UniformScene:

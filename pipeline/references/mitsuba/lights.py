@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import singledispatch
 
 import numpy as np
 
 from pipeline.references.mitsuba.environment import LatitudeLongitude, resampled
 from pipeline.references.mitsuba.shapes import Frame, affine, basis
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight, environments
 from scenes.description.shapes import Array
 from scenes.errors import SceneError
 
@@ -26,23 +27,26 @@ def lights(given: Sequence[Light], frame: Frame) -> tuple[list[Plugin], dict[str
 
     Radiance and irradiance do not depend on the scale of a scene; intensity grows with its square.
     """
-    plugins: list[Plugin] = []
-    for light in given:
-        match light:
-            case PointLight():
-                values = {"to_world": affine(np.eye(3), frame.points(light.position))}
-                plugins.append(
-                    Plugin("emitter", "point", values | {"intensity": light.intensity * frame.scale**2})
-                )
-            case SpotLight():
-                plugins.append(_spot(light, frame))
-            case DistantLight():
-                values = {"to_world": affine(basis(-light.wi), np.zeros(3)), "irradiance": light.irradiance}
-                plugins.append(Plugin("emitter", "directional", values))
-            case Environment():
-                pass
-    surroundings, notes = _environment(tuple(one for one in given if isinstance(one, Environment)))
-    return [*plugins, *surroundings], notes
+    surroundings, notes = _environment(environments(given))
+    return [*(_emitter(light, frame) for light in given if not light.surrounds), *surroundings], notes
+
+
+@singledispatch
+def _emitter(light: Light, frame: Frame) -> Plugin:
+    """Mitsuba's plug-in for a light in normalised coordinates."""
+    raise SceneError(f"Mitsuba has no counterpart of a {type(light).__name__}", light.where)
+
+
+@_emitter.register
+def _(light: PointLight, frame: Frame) -> Plugin:
+    place = affine(np.eye(3), frame.points(light.position))
+    return Plugin("emitter", "point", {"to_world": place, "intensity": light.intensity * frame.scale**2})
+
+
+@_emitter.register
+def _(light: DistantLight, frame: Frame) -> Plugin:
+    turn = affine(basis(-light.wi), np.zeros(3))
+    return Plugin("emitter", "directional", {"to_world": turn, "irradiance": light.irradiance})
 
 
 def _environment(given: tuple[Environment, ...]) -> tuple[list[Plugin], dict[str, str]]:
@@ -61,15 +65,15 @@ def _environment(given: tuple[Environment, ...]) -> tuple[list[Plugin], dict[str
 def _said(image: LatitudeLongitude) -> str:
     rows, columns = image.image.shape[:2]
     return (
-        f"resampled to {columns} x {rows} in latitude and longitude: irradiance within {image.irradiance_error:.1e} of the largest, "  # noqa: E501
+        f"resampled to {columns} x {rows} in latitude and longitude: "
+        f"irradiance within {image.irradiance_error:.1e} of the largest, "
         f"radiance within {image.mean_error:.1e} of the mean on average (all of it where texels meet)"
     )
 
 
-def _spot(light: SpotLight, frame: Frame) -> Plugin:
-    """Mitsuba's own falloff is linear in the angle: pbrt's is laid over it as an image on the plane at
-    distance 1.
-    """
+@_emitter.register
+def _(light: SpotLight, frame: Frame) -> Plugin:
+    """Mitsuba's own falloff is linear in the angle. An image on the plane at distance 1 makes it pbrt's."""
     if light.cone > WIDEST_CONE:
         raise SceneError(
             f"a spot's cone of {light.cone:g} degrees is beyond Mitsuba's ({WIDEST_CONE:g})", light.where
@@ -98,8 +102,8 @@ def falloff(light: SpotLight) -> Array:
     size = int(np.ceil(np.sqrt(bend / (8 * FALLOFF_ERROR)) * 2)) + 2  # a step is 2 / size of the radius
     if size > MOST_FALLOFF:
         raise SceneError(
-            f"a spot that falls off between {light.falloff_start:g} and {light.cone:g} degrees is too steep for Mitsuba: "  # noqa: E501
-            "start the falloff earlier, or at the cone itself",
+            f"a spot that falls off between {light.falloff_start:g} and {light.cone:g} degrees is too steep "
+            "for Mitsuba: start the falloff earlier, or at the cone itself",
             light.where,
         )
     axis = (np.arange(size) + 0.5) / size * 2 - 1

@@ -14,7 +14,6 @@ from pipeline.references.mitsuba.shadows import EARLY, overlooked
 from pipeline.references.mitsuba.shapes import Frame, basis, side_shift, triangles
 from pipeline.references.mitsuba.worker import RAY_LIFT
 from pipeline.references.protocol import unlit
-from scenes.description.lights import PointLight, SpotLight
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Array, Disk, Geometry, ShapeDescription, Sphere
 from scenes.errors import Location
@@ -107,8 +106,8 @@ def _lights(
             moved = side_shift(shape.geometry, frame) if shape.emission.two_sided else 0.0
             yield _Light(proxy, shape.where, shape, moved)
     for light in scene.lights:
-        if isinstance(light, PointLight | SpotLight):
-            yield _Light(_Proxy(frame.points(light.position)[None], np.zeros((0, 3, 3))), light.where)
+        if light.place is not None:
+            yield _Light(_Proxy(frame.points(light.place)[None], np.zeros((0, 3, 3))), light.where)
 
 
 def _proxy(geometry: Geometry, frame: Frame) -> _Proxy:

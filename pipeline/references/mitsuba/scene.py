@@ -21,7 +21,6 @@ from pipeline.references.mitsuba.film import offsets
 from pipeline.references.mitsuba.lights import lights
 from pipeline.references.mitsuba.shapes import Frame, corners, shapes
 from pipeline.references.mitsuba.worker import MitsubaScene
-from scenes.description.lights import Light, PointLight, SpotLight
 from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
 from scenes.description.shapes import Array
 from scenes.errors import SceneError
@@ -42,7 +41,7 @@ def normalising_frame(scene: SceneDescription) -> Frame:
     Lights at infinity leave the middle.
     """
     emitting = [corners(shape.geometry) for shape in scene.shapes if shape.emission]
-    points = [position[None] for position in places(scene.lights)]
+    points = [light.place[None] for light in scene.lights if light.place is not None]
     camera = scene.camera.camera_to_world[None, :3, 3]
     others = [corners(shape.geometry) for shape in scene.shapes if not shape.emission]
     near = emitting + points or others or [camera]
@@ -53,11 +52,6 @@ def normalising_frame(scene: SceneDescription) -> Frame:
     wanted = [FEATURE / size for size in sizes if size > 0]
     scale = min([max(wanted, default=1.0), FARTHEST / extent if extent > 0 else 1.0])
     return Frame(center, float(2.0 ** np.floor(np.log2(scale))))
-
-
-def places(given: tuple[Light, ...]) -> list[Array]:
-    """Where lights are that have a place and no size: (3,) each."""
-    return [light.position for light in given if isinstance(light, PointLight | SpotLight)]
 
 
 def _box(parts: list[Array]) -> tuple[Array, Array]:

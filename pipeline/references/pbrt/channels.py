@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.lights import DistantLight, Environment, PointLight, SpotLight
 from scenes.description.materials import Conductor, Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Emission, ShapeDescription
@@ -43,7 +42,8 @@ def _(value: None, c: int) -> None:
 @_channel.register
 def _(value: SceneDescription, c: int) -> SceneDescription:
     shapes = tuple(_channel(shape, c) for shape in value.shapes)
-    return replace(value, shapes=shapes, lights=tuple(_channel(light, c) for light in value.lights))
+    lights = tuple(light.map_colors(lambda color: _channel(color, c)) for light in value.lights)
+    return replace(value, shapes=shapes, lights=lights)
 
 
 @_channel.register
@@ -64,22 +64,6 @@ def _(value: Conductor, c: int) -> Conductor:
 @_channel.register
 def _(value: Emission, c: int) -> Emission:
     return replace(value, radiance=_channel(value.radiance, c), image=_channel(value.image, c))
-
-
-@_channel.register
-def _(value: Environment, c: int) -> Environment:
-    return replace(value, radiance=_channel(value.radiance, c), image=_channel(value.image, c))
-
-
-@_channel.register(PointLight)
-@_channel.register(SpotLight)
-def _(value: PointLight | SpotLight, c: int) -> PointLight | SpotLight:
-    return replace(value, intensity=_channel(value.intensity, c))
-
-
-@_channel.register
-def _(value: DistantLight, c: int) -> DistantLight:
-    return replace(value, irradiance=_channel(value.irradiance, c))
 
 
 @_channel.register

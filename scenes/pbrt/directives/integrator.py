@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenes.description.lights import Environment
 from scenes.errors import Location, SceneError
 from scenes.pbrt.state import Builder, must_be, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
@@ -118,7 +117,7 @@ def check_delta(builder: Builder) -> None:
     """Report `samplelights` that is false where pbrt would then leave out lights that no direction finds by
     chance.
     """
-    delta = any(not isinstance(light, Environment) for light in builder.lights)
+    delta = any(not light.surrounds for light in builder.lights)
     if builder.without_lights is not None and delta:
         problem = "without samplelights pbrt leaves point, spot and distant lights out; that is not supported"
         builder.report.add(f"{problem}: take them out of the scene", builder.without_lights)

@@ -1,16 +1,18 @@
-"""`LightSource` and `AreaLightSource`, with pbrt-v4's defaults and its units: luminance, luminous power and
-illuminance where those are asked for.
+"""`LightSource` and `AreaLightSource`: read with pbrt-v4's defaults and units, and written back.
+
+Luminance, luminous power and illuminance are understood where a file asks for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.lights import DistantLight, Light, PointLight, SpotLight
+from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
 from scenes.description.shapes import Emission
 from scenes.errors import Unsupported
 from scenes.pbrt.directives.environment import infinite
@@ -19,6 +21,8 @@ from scenes.pbrt.spectra import colour
 from scenes.pbrt.state import AreaLight, Builder, check_room, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, uniform_scale, unit
+from scenes.pbrt.write.surfaces import SideFiles, scaled_image
+from scenes.pbrt.write.text import numbers, rotation
 
 Array = NDArray[np.float64]
 
@@ -36,6 +40,12 @@ def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
         raise Unsupported("a LightSource inside an object is not supported: put it outside", parameters.where)
     check_room(builder.lights, "lights", parameters.where)
     builder.lights.append(_LIGHTS[kind](builder, parameters))
+
+
+@singledispatch
+def light_text(light: Light, files: SideFiles) -> list[str]:
+    """The directives that read back as the light to the bit; images go to `files`."""
+    raise TypeError(f"no pbrt text is known for a {type(light).__name__}")
 
 
 def emitted(parameters: Parameters, name: str) -> Array:
@@ -91,6 +101,12 @@ def _point(builder: Builder, parameters: Parameters) -> Light:
     return PointLight(_position(builder, parameters), intensity, parameters.where)
 
 
+@light_text.register
+def _(light: PointLight, files: SideFiles) -> list[str]:
+    place, intensity = numbers(light.position), numbers(light.intensity)
+    return [f'LightSource "point" "point3 from" [ {place} ] "rgb I" [ {intensity} ]']
+
+
 def _spot(builder: Builder, parameters: Parameters) -> Light:
     cone, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
     if not 0 < cone <= 180:
@@ -118,6 +134,15 @@ def _spot(builder: Builder, parameters: Parameters) -> Light:
     )
 
 
+@light_text.register
+def _(light: SpotLight, files: SideFiles) -> list[str]:
+    delta = light.cone - light.falloff_start
+    cone = f'"float coneangle" [ {light.cone!r} ] "float conedeltaangle" [ {delta!r} ]'
+    aim = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.axis)} ]'
+    source = f'LightSource "spot" {aim} {cone} "rgb I" [ {numbers(light.intensity)} ]'
+    return [f"Translate {numbers(light.position)}", source]
+
+
 def _distant(builder: Builder, parameters: Parameters) -> Light:
     irradiance, illuminance = emitted(parameters, "L"), _positive(parameters, "illuminance")
     if illuminance is not None:
@@ -126,11 +151,31 @@ def _distant(builder: Builder, parameters: Parameters) -> Light:
     return DistantLight(_direction(builder, parameters, axis), irradiance, parameters.where)
 
 
+@light_text.register
+def _(light: DistantLight, files: SideFiles) -> list[str]:
+    aim = f'"point3 from" [ {numbers(light.wi)} ] "point3 to" [ 0 0 0 ]'
+    return [f'LightSource "distant" {aim} "rgb L" [ {numbers(light.irradiance)} ]']
+
+
 def _infinite(builder: Builder, parameters: Parameters) -> Light:
     found = colour(parameters, "L", "illuminant")
     light = infinite(builder, parameters, found, factor(parameters), _positive(parameters, "illuminance"))
     checked(parameters, "L", light.radiance if light.image is None else light.radiance * light.image.max())
     return light
+
+
+@light_text.register
+def _(light: Environment, files: SideFiles) -> list[str]:
+    lines = [] if light.in_pbrt else ["# not pbrt-v4's: `mapping` and `hemisphere` are Penumbra's own"]
+    if light.image is not None or light.hemisphere:
+        lines.append(rotation(light.frame, "an infinite light's"))
+    ours = ' "bool hemisphere" [ true ]' if light.hemisphere else ""
+    if light.image is None:
+        return [*lines, f'LightSource "infinite" "rgb L" [ {numbers(light.radiance)} ]{ours}']
+    if light.mapping != "equal-area":
+        ours = f' "string mapping" "{light.mapping}"{ours}'
+    name, scale = scaled_image(light.image, light.radiance, files)
+    return [*lines, f'LightSource "infinite" "string filename" {name}{scale}{ours}']
 
 
 def area_light(builder: Builder, kind: str, parameters: Parameters) -> None:

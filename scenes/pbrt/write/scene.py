@@ -15,13 +15,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.lights import environments
 from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, SceneDescription
 from scenes.description.shapes import Array, ShapeDescription
 from scenes.errors import PenumbraError
+from scenes.pbrt.directives.lights import light_text
 from scenes.pbrt.directives.shapes import shape_text
-from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light, scaled_image
-from scenes.pbrt.write.text import comment, is_orthonormal, matrix, numbers, quoted, rotation
+from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light
+from scenes.pbrt.write.text import comment, is_orthonormal, matrix, numbers, quoted
 
 AMBIENT = "ambient-occlusion"
 SIMPLE_PATH = {
@@ -60,7 +61,7 @@ def export(scene: SceneDescription, stem: str) -> ExportedScene:
     surfaces = Surfaces(files)
     body: list[str] = []
     for light in scene.lights:
-        body += _attribute(_light(light, files))
+        body += _attribute(light_text(light, files))
     for shape in scene.shapes:
         body += _attribute(_shape(shape, surfaces))
     notes = _notes(scene, files)
@@ -82,7 +83,7 @@ def _attribute(lines: list[str]) -> list[str]:
 
 def _notes(scene: SceneDescription, files: SideFiles) -> tuple[str, ...]:
     notes: list[str] = []
-    if any(isinstance(light, Environment) and _is_ours(light) for light in scene.lights):
+    if not all(light.in_pbrt for light in environments(scene.lights)):
         notes.append(
             "pbrt-v4 itself will refuse this file: an infinite light has parameters that are Penumbra's own"
         )
@@ -98,10 +99,6 @@ def _notes(scene: SceneDescription, files: SideFiles) -> tuple[str, ...]:
             "textures have sides that are no powers of two; whoever reads the file resizes them, as pbrt does"
         )
     return tuple(notes)
-
-
-def _is_ours(light: Environment) -> bool:
-    return light.hemisphere or (light.image is not None and light.mapping != "equal-area")
 
 
 def _camera(camera: PerspectiveCamera) -> list[str]:
@@ -133,9 +130,7 @@ def _written(scene: SceneDescription) -> RenderDefaults:
     """The defaults that the text can tell: without light sampling pbrt would lose the lights that no
     direction finds.
     """
-    lost = scene.defaults.estimator in SIMPLE_PATH and any(
-        not isinstance(light, Environment) for light in scene.lights
-    )
+    lost = scene.defaults.estimator in SIMPLE_PATH and not all(light.surrounds for light in scene.lights)
     return replace(scene.defaults, estimator=None) if lost else scene.defaults
 
 
@@ -163,43 +158,6 @@ def _integrator(defaults: RenderDefaults, occlusion_distance: float) -> str:
             f'samplebsdf" [ {brdf} ]'
         )
     return 'Integrator "path" "integer maxdepth" [ 1 ]'
-
-
-def _light(light: Light, files: SideFiles) -> list[str]:
-    match light:
-        case PointLight():
-            return [
-                (
-                    f'LightSource "point" "point3 from" [ {numbers(light.position)} ] "rgb I" [ '
-                    f"{numbers(light.intensity)} ]"
-                )
-            ]
-        case SpotLight():
-            cone = (
-                f'"float coneangle" [ {light.cone!r} ] "float conedeltaangle" [ '
-                f"{light.cone - light.falloff_start!r} ]"
-            )
-            aim = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.axis)} ]'
-            place = f"Translate {numbers(light.position)}"
-            return [place, f'LightSource "spot" {aim} {cone} "rgb I" [ {numbers(light.intensity)} ]']
-        case DistantLight():
-            aim = f'"point3 from" [ {numbers(light.wi)} ] "point3 to" [ 0 0 0 ]'
-            return [f'LightSource "distant" {aim} "rgb L" [ {numbers(light.irradiance)} ]']
-        case Environment():
-            return _infinite(light, files)
-
-
-def _infinite(light: Environment, files: SideFiles) -> list[str]:
-    lines = ["# not pbrt-v4's: `mapping` and `hemisphere` are Penumbra's own"] if _is_ours(light) else []
-    if light.image is not None or light.hemisphere:
-        lines.append(rotation(light.frame, "an infinite light's"))
-    ours = ' "bool hemisphere" [ true ]' if light.hemisphere else ""
-    if light.image is None:
-        return [*lines, f'LightSource "infinite" "rgb L" [ {numbers(light.radiance)} ]{ours}']
-    if light.mapping != "equal-area":
-        ours = f' "string mapping" "{light.mapping}"{ours}'
-    name, scale = scaled_image(light.image, light.radiance, files)
-    return [*lines, f'LightSource "infinite" "string filename" {name}{scale}{ours}']
 
 
 def _shape(shape: ShapeDescription, surfaces: Surfaces) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the rasterised baseline is made of, before anything is drawn: lamps, surroundings, triangles and mean
+"""What the rasterised baseline is made of, before anything is drawn: lights, surroundings, triangles and mean
 colours, in closed form.
 """
 
@@ -39,20 +39,20 @@ TWO = np.stack([np.tile(NORTH, (2, 1)), np.tile(SOUTH, (2, 1))])  # (2, 2, 3) by
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_a_disk_is_a_flat_lamp_on_each_side_that_emits(two_sided: bool) -> None:
-    """Both of a two-sided disk's lamps are at its middle, with all its power L A each: one shines along the
+def test_a_disk_is_a_flat_light_on_each_side_that_emits(two_sided: bool) -> None:
+    """Both lights of a two-sided disk are at its middle, with all its power L A each: one shines along the
     normal, one against it.
 
     The area is that of a polygon of 512 sides, 2.5e-5 less. A back that is left out leaves half the scene
     dark.
     """
     shape = ShapeDescription(Disk(CENTER, NORMAL, RADIUS), BLACK, Emission(L, two_sided))
-    lamps = list(of_shape(shape, VIEW))
-    assert [lamp.kind for lamp in lamps] == ["flat"] * (1 + two_sided)
-    for lamp, side in zip(lamps, (1.0, -1.0), strict=False):
-        assert np.allclose(lamp.axis, side * VIEW.axes @ NORMAL, rtol=0, atol=1e-12)
-        assert np.allclose(lamp.position, VIEW.axes @ (CENTER - VIEW.origin) * VIEW.scale, rtol=1e-12)
-        assert np.allclose(lamp.power, L * np.pi * RADIUS**2 * VIEW.scale**2, rtol=1e-4)
+    lights = list(of_shape(shape, VIEW))
+    assert [light.linear for light in lights] == [True] * (1 + two_sided)
+    for light, side in zip(lights, (1.0, -1.0), strict=False):
+        assert np.allclose(light.axis, side * VIEW.axes @ NORMAL, rtol=0, atol=1e-12)
+        assert np.allclose(light.position, VIEW.axes @ (CENTER - VIEW.origin) * VIEW.scale, rtol=1e-12)
+        assert np.allclose(light.power, L * np.pi * RADIUS**2 * VIEW.scale**2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("hemisphere", [False, True])
@@ -98,18 +98,18 @@ def test_a_reversed_mesh_has_its_normals_turned(mesh: BilinearMesh | TriangleMes
 @pytest.mark.parametrize("mesh", [PATCH, TRIANGLES])
 def test_a_reversed_light_shines_the_other_way(mesh: BilinearMesh | TriangleMesh) -> None:
     for reverse, z in ((False, 1.0), (True, -1.0)):
-        (lamp,) = of_shape(ShapeDescription(replace(mesh, reverse=reverse), BLACK, Emission(L)), VIEW)
-        assert np.allclose(lamp.axis, VIEW.axes @ np.array([0.0, 0.0, z]), rtol=0, atol=1e-12)
+        (light,) = of_shape(ShapeDescription(replace(mesh, reverse=reverse), BLACK, Emission(L)), VIEW)
+        assert np.allclose(light.axis, VIEW.axes @ np.array([0.0, 0.0, z]), rtol=0, atol=1e-12)
 
 
 def test_an_image_on_a_light_counts_by_its_mean() -> None:
     """In the mean itself, in what the light is drawn with, and in its lamp's power."""
     shape = ShapeDescription(PATCH, BLACK, Emission(L, image=HALF))
     assert shape.emission is not None
-    (lamp,) = of_shape(shape, VIEW)
+    (light,) = of_shape(shape, VIEW)
     assert np.allclose(mean_emission(shape.emission), L / 2, rtol=1e-12)
     assert np.allclose(surface(shape, VIEW).emission, L / 2, rtol=1e-12)
-    assert np.allclose(lamp.power, L / 2 * 4.0 * VIEW.scale**2, rtol=1e-12)
+    assert np.allclose(light.power, L / 2 * 4.0 * VIEW.scale**2, rtol=1e-12)
 
 
 def _albedo(geometry: Geometry, first: Array, second: Array, amount: Array) -> Array:
