@@ -45,11 +45,11 @@ env: .venv/.synced
 env-dev: .venv/.synced-dev
 
 .venv/.synced: pyproject.toml uv.lock | $(UV)
-	@{ $(SYSTEM_PARTS) run && $(UV) sync --frozen --inexact --no-dev; } || { $(PYTHON_HINT) }
+	@{ $(SYSTEM_PARTS) run && $(UV) sync --frozen --inexact --no-dev --extra all; } || { $(PYTHON_HINT) }
 	@touch $@
 
 .venv/.synced-dev: pyproject.toml uv.lock | $(UV)
-	@{ $(SYSTEM_PARTS) run && $(UV) sync --frozen; } || { $(PYTHON_HINT) }
+	@{ $(SYSTEM_PARTS) run && $(UV) sync --frozen --extra all; } || { $(PYTHON_HINT) }
 	@touch .venv/.synced $@
 
 SYSTEM_PARTS = $(UV) run --quiet --no-project python tests/system_parts.py

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.extras import missing_extra
 from scenes.errors import PenumbraError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -158,6 +159,8 @@ def rasteriser() -> list[Part]:
     from pipeline.baseline.process import rasterise
     from scenes.pbrt.parser import parse
 
+    if why := missing_extra("baseline"):
+        return [_absent("pyrender", why)]
     try:
         (drawn,) = rasterise([parse(TRIANGLE)])
         works = bool(np.allclose(drawn.depth[4, 4], 2.0, rtol=1e-5) and np.isinf(drawn.depth[0, 0]))
@@ -175,8 +178,15 @@ def preview() -> list[Part]:
     """Draw a ball off screen with VTK."""
     from pipeline.preview.drawing import REMEDY, off_screen
 
+    if why := missing_extra("preview"):
+        return [_absent("preview", why)]
     found = off_screen()
     return [Part("preview", found.works, found.detail, REMEDY)]
+
+
+def _absent(name: str, why: str) -> Part:
+    detail, _, remedy = why.partition(": ")
+    return Part(name, False, detail, remedy)
 
 
 def browser() -> list[Part]:

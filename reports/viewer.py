@@ -1,4 +1,4 @@
-"""The HDR flip viewer: linear images in a script file beside the page, shown by simpleimageio's flip book.
+"""The HDR flip viewer: linear images in a script file beside the page, shown by a bundled flip book.
 
 The flip book needs no server. It has exposure, false colour, zoom, pan, a pixel magnifier and number keys.
 Its Python wrapper packs RGBE, which holds neither NaN nor infinity nor negative values. A report about
@@ -47,8 +47,8 @@ class Picture:
 
 
 def flipbook_source() -> str:
-    """The flip book's JavaScript, as simpleimageio ships it (MIT licence)."""
-    return files("simpleimageio").joinpath("flipbook.js").read_text(encoding="utf-8")
+    """The flip book's JavaScript, as simpleimageio ships it (MIT licence; see NOTICE)."""
+    return files("reports").joinpath("bundled", "flipbook.js").read_text(encoding="utf-8")
 
 
 def flip_script(container: str, pictures: Sequence[Picture], exposure: float = 0.0) -> str:

@@ -10,13 +10,14 @@ from functools import cache
 from pathlib import Path
 
 from pipeline.baseline.scene import refuses as refuses_scene
+from pipeline.extras import missing_extra
 from scenes.description.scene import SceneDescription
 from scenes.hashing import hash_code
 
 NAME = "pyrender"
 SAMPLER = "pixel-middle"
 BIAS = "rasterised: biased by the shadows and the sizes of lights that it leaves out"
-LIBRARIES = ("pyrender", "pyopengl", "trimesh", "numpy", "scipy")
+LIBRARIES = ("pyrender2", "pyrender", "pyopengl", "trimesh", "numpy", "scipy")
 PIPELINE = Path(__file__).parents[1]
 SHARED = PIPELINE / "references" / "mitsuba" / "environment.py"  # reads environments
 
@@ -38,9 +39,11 @@ def refuses(scene: SceneDescription) -> str | None:
 
 @cache
 def missing() -> str | None:
-    """Which libraries of OpenGL without a screen this machine lacks, and how to get them; None if one
-    platform has its own.
+    """The libraries that this machine lacks, and how to get them: those of the extra, else those of OpenGL
+    without a screen. None if one platform has its own.
     """
+    if why := missing_extra("baseline"):
+        return why
     lacking = [" or ".join(group) for group in NEEDED["EGL"] if not any(map(_loads, group))]
     if not lacking or all(any(map(_loads, group)) for group in NEEDED["OSMesa"]):
         return None

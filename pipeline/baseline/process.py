@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from pipeline.baseline.entry import REMEDY
 from pipeline.baseline.scene import convert
 from pipeline.baseline.task import Array, Task
 from pipeline.baseline.worker import TASKS, result_file
+from pipeline.extras import require_extra, version_of
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
@@ -57,8 +57,10 @@ def rasterise(scenes: Sequence[SceneDescription]) -> list[Raster]:
     each pixel.
 
     One process draws them all: its start takes a second or two, a picture a few hundredths. PenumbraError
-    where a scene is out of reach, see `scene.refuses`, and where OpenGL does not work here.
+    where the extra is missing, where a scene is out of reach, see `scene.refuses`, and where OpenGL does not
+    work here.
     """
+    require_extra("baseline")
     start = time.perf_counter()
     tasks = tuple(convert(scene) for scene in scenes)
     converted = time.perf_counter()
@@ -83,7 +85,7 @@ def _raster(task: Task, found: _Found, platform: str, converting: float, process
 
 def versions() -> dict[str, str]:
     """The libraries that the image depends on."""
-    return {name: metadata.version(name) for name in ("pyrender", "pyopengl")}
+    return {"pyrender": version_of("pyrender"), "pyopengl": version_of("OpenGL")}
 
 
 def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:

@@ -49,6 +49,7 @@ def preview(
       penumbra preview touching-light -o area.png -D gap=0.1 --estimator hemisphere --spp 100
     """
     from pipeline.commands.console import Speaker
+    from pipeline.extras import require_extra
     from pipeline.preview.drawing import REMEDY, draw, off_screen
     from pipeline.preview.samples import try_pixel
     from pipeline.preview.view import extent_of, look
@@ -61,6 +62,7 @@ def preview(
         raise PenumbraError(f"{target}: a preview is a .png")
     description = open_scene(scene, define, speaker)
     place = _pixel(pixel, description)
+    require_extra("preview")
     how = off_screen()
     if not how.works:
         raise PenumbraError(f"no picture can be drawn off screen here: {how.detail}; {REMEDY}")

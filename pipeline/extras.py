@@ -1,0 +1,31 @@
+"""The extras of the wheel: parts that are heavy or that few need, and how to get one that is missing."""
+
+from __future__ import annotations
+
+from importlib.metadata import packages_distributions, version
+from importlib.util import find_spec
+
+from scenes.errors import PenumbraError
+
+# Extra to the modules that it brings; pyproject.toml says which packages those are.
+EXTRAS = {"preview": ("pyvista",), "baseline": ("pyrender", "OpenGL")}
+
+
+def missing_extra(name: str) -> str | None:
+    """The modules of an extra that are not installed, and how to get them; None if all are there."""
+    lacking = [module for module in EXTRAS[name] if find_spec(module) is None]
+    if not lacking:
+        return None
+    verb = "is" if len(lacking) == 1 else "are"
+    return f"{' and '.join(lacking)} {verb} not installed: pip install 'penumbra[{name}]'"
+
+
+def require_extra(name: str) -> None:
+    """Raise PenumbraError, with the way to get it, if an extra is missing."""
+    if why := missing_extra(name):
+        raise PenumbraError(why)
+
+
+def version_of(module: str) -> str:
+    """The version of the package that brings a module, whichever of several packages that is."""
+    return version(packages_distributions()[module][0])
