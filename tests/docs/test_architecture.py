@@ -33,9 +33,7 @@ def _prose(page: Path) -> list[str]:
     blocks = re.split(r"\n\s*\n|\n(?=\s*(?:\d+\.|-) )", "\n".join(lines))
     plain = [LINK.sub("link", block).replace("\n", " ") for block in blocks]
     plain = [re.sub(r"`[^`]*`", "code", re.sub(r"^\s*(\d+\.|-) ", "", block)) for block in plain]
-    return [
-        sentence for block in plain for sentence in re.split(r"(?<=[.?!])\s+", block) if sentence.strip()
-    ]
+    return [sentence for block in plain for sentence in re.split(r"(?<=[.?!])\s+", block) if sentence.strip()]
 
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)

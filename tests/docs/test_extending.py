@@ -52,4 +52,4 @@ def test_example_runs(name: str, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", [name for name in BLOCKS if name not in USES])
 def test_module_is_small(name: str) -> None:
-    assert len(BLOCKS[name].splitlines()) <= 60
+    assert len(BLOCKS[name].splitlines()) <= 80
