@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
-from pipeline.references.backends.closed_form_edge import floor_points, irradiance, unshadowed
+from pipeline.references.closed_form.edge_image import floor_points, irradiance, unshadowed
 from pipeline.references.closed_form.edge_scene import EdgeScene, analyse_edge
 from pipeline.references.closed_form.film import film_plane
 from scenes.description.scene import SceneDescription

@@ -1,11 +1,9 @@
-"""Reference images in closed form: exact radiance, integrated over each pixel by adaptive quadrature with an
-error bound.
+"""Reference images in closed form: exact radiance, integrated over each pixel with an error bound.
 
 No sampling and no ray tracing: the light's outline and the receivers' edges are cut exactly on the film, and
-what is left to integrate is smooth. The scene must have one light over coplanar receivers
-(`closed_form_scene`), or distant lights and a sky of one radiance over such (`closed_form_uniform`). There
-the image is right also where every sampling reference fails, a light touching the floor being the case in
-point.
+adaptive quadrature integrates the smooth rest. The scene must have one light over coplanar receivers
+(closed_form/scene.py), or distant lights and a sky of one radiance over such (closed_form/uniform.py). The
+image is right even where every sampling reference fails, such as for a light that touches the floor.
 
 `variance` of the image is the square of the error bound, `batches` and `spp` are 0: nothing was sampled, and
 a test against this reference has the noise of the other side only. The error is almost always far below its
@@ -55,11 +53,9 @@ class ClosedFormBackend:
     name = "closed-form"
 
     def version(self) -> str:
-        """A hash of the sources that make the image."""
         return imported_code(Path(__file__))
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """What keeps the scene from having a closed form, in one sentence."""
         try:
             _parts(scene, quantity)
         except SceneError as error:
@@ -73,18 +69,13 @@ class ClosedFormBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """The image; of `request` only the quantity has a bearing: there is nothing to sample.
-
-        PenumbraError if the scene is refused.
-        """
         require(self, scene, request.quantity)
         start = time.perf_counter()
         parts, film = _parts(scene, request.quantity), film_plane(scene.camera, scene.film)
-        image = (
-            uniform_image(parts, film)
-            if isinstance(parts, UniformScene)
-            else closed_form_image(parts, film, TOLERANCE)
-        )
+        if isinstance(parts, UniformScene):
+            image = uniform_image(parts, film)
+        else:
+            image = closed_form_image(parts, film, TOLERANCE)
         if progress:
             progress(1.0)
         provenance = {"backend": self.name, "version": self.version(), "tolerance": f"{TOLERANCE:g}"}
@@ -92,16 +83,14 @@ class ClosedFormBackend:
 
 
 def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | UniformScene:
-    """What the image is made of; SceneError where there is no closed form."""
+    """The parts of the image; SceneError where there is no closed form."""
     if quantity == "ambient-occlusion":
         return open_scene(scene)
     return uniform_scene(scene) if is_uniform(scene) else analyse(scene)
 
 
 def radiance_at_centers(scene: SceneDescription) -> Array:
-    """Exact radiance (h, w, 3) along the rays through the pixels' centres; SceneError where the scene has no
-    closed form.
-    """
+    """Exact radiance (h, w, 3) through the pixels' centres; SceneError for a scene without closed form."""
     film = film_plane(scene.camera, scene.film)
     return radiance_at(analyse(scene), film, film.centers()).reshape(scene.film.height, scene.film.width, 3)
 

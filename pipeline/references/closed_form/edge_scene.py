@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.closed_form.film import film_plane
-from pipeline.references.closed_form.scene import FLAT, Patch, Plane, Receiver, outline
+from pipeline.references.closed_form.patches import FLAT, Patch, Plane, outline
+from pipeline.references.closed_form.scene import Receiver
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Film as FilmDescription
 from scenes.description.scene import PerspectiveCamera, SceneDescription

@@ -1,4 +1,4 @@
-"""The film of a closed-form image: which part of each pixel the light covers, cut exactly.
+"""The film of a closed-form image: the exact part of each pixel that the light covers.
 
 Film points are homogeneous, (x, y, 1) in camera space (x right, y up, z forward, left-handed as pbrt's), so
 that a plane through the camera is a half-space test m . (x, y, 1) > 0 and polygons are clipped without any
@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.references.closed_form.cone import Cone, disk_cone, sphere_cone
+from pipeline.references.closed_form.cone import Cone
+from pipeline.references.closed_form.emitters import cone_of
+from pipeline.references.closed_form.patches import Patch
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
-from pipeline.references.closed_form.scene import ClosedFormScene, Patch
-from scenes.description.lights import PointLight
+from pipeline.references.closed_form.scene import ClosedFormScene
 from scenes.description.scene import Film, PerspectiveCamera
-from scenes.description.shapes import Sphere
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -36,8 +36,9 @@ FLAT_CONE = 1e-12  # a disk seen edge-on more sharply than this covers nothing
 
 @dataclass(frozen=True, eq=False)
 class FilmPlane:
-    """eye: (3,), world. to_world: (3, 3), camera directions to world; to_camera: its inverse. x: (w+1,), y:
-    (h+1,): pixel edges at z = 1.
+    """The plane z = 1 of camera space. eye: (3,), world. x: (w+1,), y: (h+1,): pixel edges.
+
+    to_world: (3, 3), camera directions to world; to_camera: its inverse.
     """
 
     eye: Array
@@ -75,8 +76,9 @@ class FilmPlane:
         return np.where(inside, row * width + column, -1).astype(np.int64)
 
     def planes(self, outline: Array) -> Array:
-        """Camera-space planes (m, 3) through the eye and the edges of a convex outline (m, 3), world space;
-        inside is positive.
+        """Planes (m, 3) through the eye and the edges of a convex outline (m, 3); inside is positive.
+
+        The planes are in camera space, the outline in world space.
         """
         v = (outline - self.eye) @ self.to_camera.T
         m = np.cross(v, np.roll(v, -1, axis=0))
@@ -90,15 +92,15 @@ def film_plane(camera: PerspectiveCamera, film: Film) -> FilmPlane:
     x: Array = left + dx * np.arange(film.width + 1, dtype=np.float64)
     y: Array = top - dy * np.arange(film.height + 1, dtype=np.float64)
     to_world = np.array(camera.camera_to_world[:3, :3])
-    return FilmPlane(
-        np.array(camera.camera_to_world[:3, 3]), to_world, np.linalg.inv(to_world).astype(np.float64), x, y
-    )
+    eye, to_camera = np.array(camera.camera_to_world[:3, 3]), np.linalg.inv(to_world).astype(np.float64)
+    return FilmPlane(eye, to_world, to_camera, x, y)
 
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs of the light's elliptic outline, each in one pixel. pixel: (n,); t: (n, 2), angles of `cone` (its
-    apex the eye).
+    """Arcs of the light's elliptic outline, each in one pixel. pixel: (n,).
+
+    t: (n, 2), angles of `cone`, whose apex is the eye.
     """
 
     pixel: Index
@@ -123,9 +125,11 @@ class Arcs:
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """The light on the film. covered: (w h,) bool, pixels wholly covered. mixed: (n,) pixels; planes: (n, k,
-    3), inside
-    where all are positive, padded with planes that everything is inside of; arcs: segments to be added."""
+    """The light on the film. covered: (w h,) bool, pixels wholly covered. mixed: (n,), pixels cut.
+
+    planes: (n, k, 3), inside where all are positive, padded with planes that everything is inside of. arcs:
+    segments to be added.
+    """
 
     covered: NDArray[np.bool_]
     mixed: Index
@@ -150,9 +154,7 @@ def silhouette(scene: ClosedFormScene, film: FilmPlane) -> Silhouette:
 
 
 def classify(film: FilmPlane, planes: Array) -> tuple[NDArray[np.bool_], Index]:
-    """Pixels wholly inside all `planes` (m, 3), as (w h,) bool, and those that may be cut by them, as
-    indices.
-    """
+    """Pixels wholly inside all `planes` (m, 3), (w h,) bool, and indices of those that they may cut."""
     x, y = np.meshgrid(film.x, film.y)
     side = x[..., None] * planes[:, 0] + y[..., None] * planes[:, 1] + planes[:, 2]
     corners = np.stack((side[:-1, :-1], side[:-1, 1:], side[1:, :-1], side[1:, 1:]))
@@ -169,8 +171,7 @@ def clip_by_planes(polygons: Array, planes: Array) -> Array:
 
 
 def outside_planes(polygons: Array, owner: Index, planes: Array) -> list[tuple[Array, Index]]:
-    """Convex pieces of the polygons (n, v, 3) that lie outside of at least one of their planes (n, k, 3),
-    with their owners (n,).
+    """Convex pieces of polygons (n, v, 3) outside at least one of their planes (n, k, 3), with their owners.
 
     The k-th piece is inside the planes before the k-th and outside of it, so that the pieces do not overlap.
     """
@@ -197,18 +198,9 @@ def areas(polygons: Array) -> Array:
 
 
 def _cone(scene: ClosedFormScene, film: FilmPlane) -> Cone | None:
-    """The light's cone from the eye; None if it has none: a patch, a point, or edge-on, or behind the
-    camera.
-    """
-    if isinstance(scene.light, Patch | PointLight):
-        return None
-    eye, center = film.eye[:, None], scene.light.center[:, None]
-    if isinstance(scene.light, Sphere):
-        cone = sphere_cone(eye, center, scene.light.radius)
-    else:
-        cone = disk_cone(eye, center, scene.light.normal[:, None], scene.light.radius)
-    ahead = float(film.to_camera[2] @ (center - eye)[:, 0])
-    return cone if ahead > 0 and cone.a[0] > FLAT_CONE * cone.c[0] else None
+    """The light's cone from the eye; None without one, seen edge-on, or behind the camera."""
+    cone = cone_of(scene.light, film.eye, film.to_camera[2])
+    return cone if cone and cone.a[0] > FLAT_CONE * cone.c[0] else None
 
 
 def _arcs(film: FilmPlane, cone: Cone | None) -> Arcs:
@@ -241,9 +233,8 @@ def _own_chords(film: FilmPlane, arcs: Arcs) -> tuple[Index, Array]:
     """The pixels that the outline crosses, (n,), and the planes (n, k, 3) of their own chords, padded."""
     v = arcs.points(film, arcs.t)
     m = np.cross(v[:, 0], v[:, 1])
-    middle = arcs.points(film, np.stack((arcs.t.mean(axis=1), arcs.t.mean(axis=1) + np.pi), axis=1)).mean(
-        axis=1
-    )
+    opposite = np.stack((arcs.t.mean(axis=1), arcs.t.mean(axis=1) + np.pi), axis=1)
+    middle = arcs.points(film, opposite).mean(axis=1)
     m = m * np.copysign(1.0, (m * middle).sum(axis=1))[:, None]
     order = np.argsort(arcs.pixel, kind="stable")
     pixel, start, count = np.unique(arcs.pixel[order], return_index=True, return_counts=True)

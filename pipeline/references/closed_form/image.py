@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.references.closed_form.emitters import own_plane
 from pipeline.references.closed_form.film import (
     FilmPlane,
     Silhouette,
@@ -25,10 +26,9 @@ from pipeline.references.closed_form.film import (
 from pipeline.references.closed_form.floor import Floor, front_plane, make_floor
 from pipeline.references.closed_form.quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
-from pipeline.references.closed_form.scene import ClosedFormScene, Patch
+from pipeline.references.closed_form.scene import ClosedFormScene
 from pipeline.references.protocol import ReferenceImage
 from scenes.description.scene import Film
-from scenes.description.shapes import Disk
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -39,8 +39,9 @@ _ARC_RULES = tuple(np.polynomial.legendre.leggauss(order) for order in (5, 3))
 
 @dataclass(frozen=True, eq=False)
 class PixelImage:
-    """mean, bound: (h w, 3), radiance averaged over each pixel and the bound of its error. cells: evaluated
-    by the quadrature.
+    """mean, bound: (h w, 3), radiance averaged over each pixel and the bound of its error.
+
+    cells: how many the quadrature evaluated.
     """
 
     mean: Array
@@ -49,8 +50,9 @@ class PixelImage:
 
 
 def to_reference(image: PixelImage, film: Film, provenance: dict[str, str], start: float) -> ReferenceImage:
-    """The reference of film.width x film.height that an image makes: no samples, its bound's square for
-    variance. start: by time.perf_counter().
+    """The reference that an image makes: no samples, the bound's square as variance.
+
+    start: by time.perf_counter().
     """
     shape = (film.height, film.width, 3)
     known = {
@@ -65,8 +67,8 @@ def to_reference(image: PixelImage, film: Film, provenance: dict[str, str], star
 
 
 def closed_form_image(scene: ClosedFormScene, film: FilmPlane, tolerance: float) -> PixelImage:
-    """Average radiance over every pixel, with `tolerance` relative to its value or to a hundredth of the
-    receivers' mean.
+    """Average radiance over every pixel, to `tolerance` relative to the greater of its value and a hundredth
+    of the receivers' mean.
     """
     outline, floor = silhouette(scene, film), make_floor(scene, film)
     arc_area, arc_light, arc_error = _segments(scene, film, floor, outline)
@@ -88,13 +90,10 @@ def radiance_at(scene: ClosedFormScene, film: FilmPlane, points: Array) -> Array
 
 
 def emitted(scene: ClosedFormScene) -> Array:
-    """Radiance (3,) of the light as the camera sees it: nothing from behind, where no light falls on it
-    either.
-    """
-    if not isinstance(scene.light, Patch | Disk) or scene.two_sided:
-        return scene.radiance
-    point = scene.light.outline[0] if isinstance(scene.light, Patch) else scene.light.center
-    return scene.radiance if scene.light.normal @ (scene.eye - point) > 0 else np.zeros(3)
+    """Radiance (3,) of the light towards the camera: 0 from behind a light of one side."""
+    own = own_plane(scene.light)
+    seen = own is None or scene.two_sided or own.height(scene.eye) > 0
+    return scene.radiance if seen else np.zeros(3)
 
 
 def _reflected(scene: ClosedFormScene, irradiance: Array) -> Array:
@@ -153,9 +152,7 @@ def _not_behind(film: FilmPlane, outline: Silhouette, pieces: Pieces) -> Pieces:
 
 
 def _lit(scene: ClosedFormScene, film: FilmPlane, pieces: Pieces) -> Pieces:
-    """The parts before the light, and those behind it where it has two sides: the irradiance has a kink
-    between the two.
-    """
+    """The parts before the light, and apart from them those behind a two-sided one: a kink lies between."""
     plane = front_plane(scene, film)
     if plane is None:
         return pieces
@@ -163,10 +160,8 @@ def _lit(scene: ClosedFormScene, film: FilmPlane, pieces: Pieces) -> Pieces:
     for m in (plane, -plane) if scene.two_sided else (plane,):
         for polygons, pixel in pieces:
             side = polygons @ m
-            whole, cut = (
-                np.flatnonzero(side.min(axis=1) >= 0),
-                np.flatnonzero((side.min(axis=1) < 0) & (side.max(axis=1) > 0)),
-            )
+            whole = np.flatnonzero(side.min(axis=1) >= 0)
+            cut = np.flatnonzero((side.min(axis=1) < 0) & (side.max(axis=1) > 0))
             clipped, count = clip_polygon_by_plane(polygons[cut], m)
             lit += [(polygons[whole], pixel[whole]), (clipped[count > 2], pixel[cut[count > 2]])]
     return lit
@@ -187,10 +182,9 @@ def _floor_radiance(scene: ClosedFormScene, film: FilmPlane, floor: Floor | None
 def _segments(
     scene: ClosedFormScene, film: FilmPlane, floor: Floor | None, outline: Silhouette
 ) -> tuple[Array, Array, Array]:
-    """Between chord and arc of an elliptic outline: area (pixels,), what the receivers shine there, and its
-    error, (pixels, 3).
+    """Area (pixels,) between chord and arc of an elliptic outline, the receivers' radiance there, its error.
 
-    There the light is seen, but the cut pieces of the receivers take it as theirs.
+    The latter two are (pixels, 3). The light is seen there, but the receivers' cut pieces cover it.
     """
     arcs = outline.arcs
     fine, coarse = (_over_segments(scene, film, floor, outline, rule) for rule in _ARC_RULES)
@@ -210,19 +204,15 @@ def _over_segments(
     outline: Silhouette,
     rule: tuple[Array, Array],
 ) -> Array:
-    """Area and receivers' radiance (n, 4) integrated over each segment: chord + u (arc - chord), Gauss along
-    and across.
-    """
+    """Area and receivers' radiance (n, 4) over each segment: chord + u (arc - chord), Gauss in both."""
     nodes, weights = (rule[0] + 1) / 2, rule[1] / 2
     arcs = outline.arcs
     share, u = (grid.ravel() for grid in np.meshgrid(nodes, nodes, indexing="ij"))
     step = np.diff(arcs.t, axis=1)
     ends = arcs.points(film, arcs.t)[:, :, None]
     chord, along = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * share[:, None], (ends[:, 1] - ends[:, 0])
-    arc, velocity = (
-        arcs.points(film, arcs.t[:, :1] + step * share),
-        arcs.velocity(film, arcs.t[:, :1] + step * share),
-    )
+    t = arcs.t[:, :1] + step * share
+    arc, velocity = arcs.points(film, t), arcs.velocity(film, t)
     sag = arc - chord
     tangent = along + u[:, None] * (velocity * step[..., None] - along)
     jacobian = np.abs(tangent[..., 0] * sag[..., 1] - tangent[..., 1] * sag[..., 0])

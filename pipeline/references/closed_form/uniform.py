@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from pipeline.references.closed_form.film import FilmPlane, areas, classify, clip_by_planes
 from pipeline.references.closed_form.image import PixelImage
+from pipeline.references.closed_form.patches import Plane
 from pipeline.references.closed_form.quadrature import sums
-from pipeline.references.closed_form.scene import Plane, Receiver, ground
+from pipeline.references.closed_form.scene import Receiver, ground
 from scenes.description.lights import DistantLight, Environment, Light
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import scenes
-from pipeline.references.backends.closed_form_edge import EdgeBackend, edge_image, seen_radiance
+from pipeline.references.backends.closed_form_edge import EdgeBackend
+from pipeline.references.closed_form.edge_image import edge_image, seen_radiance
 from pipeline.references.closed_form.edge_scene import analyse_edge
 from pipeline.references.closed_form.film import film_plane
 from pipeline.references.protocol import BACKENDS, ReferenceRequest

@@ -1,0 +1,158 @@
+"""The image of a straight edge's penumbra: a flat light, a sheet with one edge before it, a floor.
+
+Lambert's formula for the part of the light that the edge leaves gives the irradiance at every point; a pixel
+is its integral. The surfaces in a pixel are cut exactly: the sheet, the floor, and on the floor the lines
+where a corner of the light comes into sight, at which the radiance has kinks. Each piece is smooth, so that
+Gauss's rules converge fast.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.references.closed_form.edge_scene import EdgeScene
+from pipeline.references.closed_form.film import FilmPlane, classify, clip_by_planes, outside_planes
+from pipeline.references.closed_form.image import PixelImage
+from pipeline.references.closed_form.patches import Plane
+from pipeline.references.closed_form.quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
+from pipeline.references.closed_form.radiometry import (
+    clip_polygon_by_plane,
+    knife_edge_irradiance,
+    polygon_irradiance,
+)
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Pieces = list[tuple[Array, Index]]
+
+TOLERANCE = 1e-7  # error bound wanted for a pixel, relative to its value or to a hundredth of the mean
+
+
+def edge_image(scene: EdgeScene, film: FilmPlane) -> PixelImage:
+    """Radiance averaged over each pixel, with the bound of its error."""
+    sheet = film.planes(scene.sheet.patch.outline)
+    on_sheet = _in_view(film, sheet)
+    on_floor = _not_behind(film, sheet, _in_view(film, film.planes(scene.floor.patch.outline)))
+    for plane in _kinks(scene, film):
+        on_floor = _cut(on_floor, plane)
+    mean, bound, cells = np.zeros((film.pixels, 3)), np.zeros((film.pixels, 3)), 0
+    surfaces = ((on_sheet, scene.sheet, scene.sheet_plane), (on_floor, scene.floor, scene.floor_plane))
+    for pieces, receiver, plane in surfaces:
+        totals = _light(scene, film, pieces, plane)
+        factor = receiver.reflectance * scene.radiance / (np.pi * film.pixel_area)
+        mean += np.multiply.outer(totals.value, factor)
+        bound += np.multiply.outer(totals.bound, factor)
+        cells += totals.cells
+    return PixelImage(mean, bound, cells)
+
+
+def irradiance(scene: EdgeScene, plane: Plane, points: Array) -> Array:
+    """Irradiance (n,) per unit radiance at points (n, 3) of the floor or of the sheet."""
+    if plane is scene.sheet_plane:
+        return polygon_irradiance(points, plane.normal, scene.light.outline)
+    return knife_edge_irradiance(points, plane.normal, scene.light.outline, scene.edge, scene.blocked)
+
+
+def unshadowed(scene: EdgeScene, points: Array) -> Array:
+    """Irradiance (n,) per unit radiance at points (n, 3) of the floor if there were no sheet."""
+    return polygon_irradiance(points, scene.floor_plane.normal, scene.light.outline)
+
+
+def floor_points(scene: EdgeScene, film: FilmPlane) -> tuple[Index, Array]:
+    """The pixels (m,) that lie wholly on the floor, and where their middles see it, (m, 3)."""
+    floor, _ = classify(film, film.planes(scene.floor.patch.outline))
+    sheet, mixed = classify(film, film.planes(scene.sheet.patch.outline))
+    floor[mixed] = False
+    pixels = np.flatnonzero(floor & ~sheet)
+    return pixels, _project(film, scene.floor_plane, film.centers()[pixels])
+
+
+def seen_radiance(scene: EdgeScene, film: FilmPlane, points: Array) -> Array:
+    """Exact radiance (n, 3) seen at film points (n, 3)."""
+    total, free = np.zeros_like(points), np.ones(len(points), dtype=np.bool_)
+    for receiver, plane in ((scene.sheet, scene.sheet_plane), (scene.floor, scene.floor_plane)):
+        seen = np.flatnonzero(free & np.all(points @ film.planes(receiver.patch.outline).T > 0, axis=1))
+        e = irradiance(scene, plane, _project(film, plane, points[seen]))
+        total[seen] = e[:, None] * (receiver.reflectance * scene.radiance / np.pi)
+        free[seen] = False
+    return total
+
+
+def _project(film: FilmPlane, plane: Plane, points: Array) -> Array:
+    """World points (n, 3) of a plane that film points (n, 3) show."""
+    d = points @ film.to_world.T
+    t = -float(plane.height(film.eye)) / (d @ plane.normal)
+    return film.eye + t[:, None] * d
+
+
+def _in_view(film: FilmPlane, planes: Array) -> Pieces:
+    """The pixels cut by a convex outline's planes."""
+    whole, mixed = classify(film, planes)
+    inside = np.flatnonzero(whole)
+    cut = clip_by_planes(film.squares(mixed), np.broadcast_to(planes, (mixed.size, *planes.shape)))
+    return [(film.squares(inside), inside), (cut, mixed)]
+
+
+def _not_behind(film: FilmPlane, planes: Array, pieces: Pieces) -> Pieces:
+    """The pieces without what lies inside all planes (m, 3)."""
+    covered, mixed = classify(film, planes)
+    cut = np.zeros(film.pixels, dtype=np.bool_)
+    cut[mixed] = True
+    rest: Pieces = []
+    for polygons, pixel in pieces:
+        clear, some = ~covered[pixel] & ~cut[pixel], np.flatnonzero(cut[pixel])
+        rest.append((polygons[clear], pixel[clear]))
+        rest += outside_planes(
+            polygons[some], pixel[some], np.broadcast_to(planes, (some.size, *planes.shape))
+        )
+    return rest
+
+
+def _kinks(scene: EdgeScene, film: FilmPlane) -> Array:
+    """Film planes (v, 3) of the floor's lines from which a corner of the light is seen right at the edge.
+
+    Such a plane, through edge and corner, meets the floor at p = eye - height d / (d . n); m . (p - edge) = 0
+    is linear in d.
+    """
+    start, end = scene.edge
+    m = np.cross(end - start, scene.light.outline - start)
+    m = m / np.linalg.norm(m, axis=1, keepdims=True)
+    height, n = float(scene.floor_plane.height(film.eye)), scene.floor_plane.normal
+    return np.asarray((np.multiply.outer(m @ (film.eye - start), n) - height * m) @ film.to_world)
+
+
+def _cut(pieces: Pieces, plane: Array) -> Pieces:
+    """The pieces cut in two along a plane (3,)."""
+    parts: Pieces = []
+    for polygons, pixel in pieces:
+        side = polygons @ plane
+        mixed = (side.min(axis=1, initial=0) < 0) & (side.max(axis=1, initial=0) > 0)
+        parts.append((polygons[~mixed], pixel[~mixed]))
+        for way in (plane, -plane):
+            clipped, count = clip_polygon_by_plane(polygons[mixed], way)
+            parts.append((clipped[count > 2], pixel[mixed][count > 2]))
+    return parts
+
+
+def _light(scene: EdgeScene, film: FilmPlane, pieces: Pieces, plane: Plane) -> Totals:
+    """Integrals over the film of the irradiance per unit radiance, (pixels,)."""
+    parts = [trapezoids(polygons[..., :2], pixel) for polygons, pixel in pieces if pixel.size]
+    shape = np.concatenate([np.zeros((6, 0)), *(part.shape for part in parts)], axis=1)
+    cells = Cells(shape, np.concatenate([np.zeros(0, dtype=np.int64), *(part.owner for part in parts)]))
+
+    def value(x: Array, y: Array) -> Array:
+        points = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
+        return irradiance(scene, plane, _project(film, plane, points)).reshape(x.shape)
+
+    middle = np.array([0.5])
+    rough = sums(cells.owner, value(*cells.at(middle, middle))[:, 0] * cells.area, film.pixels)
+    lit = rough[rough > 0]
+    scale = np.maximum(rough, 0.01 * lit.mean() if lit.size else 1.0)
+    # `analyse_edge` keeps the light far away: no cell is near a singularity.
+    everywhere = Integrand(
+        value,
+        lambda part: np.full(part.owner.size, np.pi),
+        lambda part: (np.zeros(part.owner.size), np.zeros(part.owner.size)),
+    )
+    return integrate(cells, everywhere, scale, TOLERANCE)
