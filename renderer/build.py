@@ -16,7 +16,7 @@ from renderer.geometry.primitives import all_triangles, analytic_primitives, by_
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
 from renderer.interfaces.light import LIGHTS, LightKind, Source
-from renderer.interfaces.material import MATERIALS, MaterialKind
+from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
 from renderer.lights.environment import EnvironmentLights
 from renderer.math.vectors import Floats
 from scenes.description.scene import SceneDescription
@@ -70,9 +70,9 @@ class RenderScene:
     emissive_triangles: the triangles that emit alone; None where none does.
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
-    varies. material_of: (s,) which of the materials each shape has. contact_epsilon: world units; surfaces
-    nearer than this to each other count as touching. scene_diameter: world units, beyond everything from any
-    point of the scene.
+    varies. material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each.
+    contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
+    world units, beyond everything from any point of the scene.
     seconds_build: wall clock.
     """
 
@@ -90,9 +90,20 @@ class RenderScene:
     emission_images: tuple[tuple[int, Floats], ...]
     coordinates: Coordinates | None
     material_of: NDArray[np.int64]
+    lobes: NDArray[np.int64]
     contact_epsilon: float
     scene_diameter: float
     seconds_build: float
+
+    @property
+    def specular(self) -> bool:
+        """Whether any material has a delta lobe."""
+        return bool((self.lobes & Lobes.SPECULAR).any())
+
+    @property
+    def transmits(self) -> NDArray[np.bool_]:
+        """(s,): shapes that let light through."""
+        return (self.lobes & Lobes.TRANSMISSION) != 0
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
         """Each kind of material with the rows (m,) of shape (n,) that are of it."""
@@ -136,6 +147,7 @@ def build(scene: SceneDescription) -> RenderScene:
         material_of=np.array(
             [[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64
         ),
+        lobes=np.array([lobes_of(s) for s in shapes], dtype=np.int64),
         contact_epsilon=4 * TOLERANCE * size,
         scene_diameter=scene_diameter,
         seconds_build=time.perf_counter() - start,
@@ -240,8 +252,5 @@ def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 def _materials(shapes: Sequence[ShapeDescription]) -> tuple[MaterialKind, ...]:
-    kinds = [kind for _, kind in MATERIALS.items() if any(kind.accepts(s) for s in shapes)]
-    for s in shapes:
-        if not any(kind.accepts(s) for kind in kinds):
-            raise SceneError(f"material {type(s.material).__name__} is not supported", s.where)
-    return tuple(kind.make(shapes) for kind in kinds)
+    used = {material_kind(s) for s in shapes}
+    return tuple(kind.make(shapes) for _, kind in MATERIALS.items() if kind in used)

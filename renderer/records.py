@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.math.vectors import Floats
+from renderer.math.vectors import Floats, dot
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,10 @@ class SurfaceHit:
     primitive: NDArray[np.int64]
     uv: Floats
 
+    def normal_towards(self, wi: Floats) -> Floats:
+        """(3, n): the normals on the side of wi (3, n), which is the other one where light is transmitted."""
+        return np.where(dot(wi, self.n) < 0, -self.n, self.n)
+
     def take(self, rows: NDArray[np.int64]) -> SurfaceHit:
         """The points of some rows (m,)."""
         return SurfaceHit(
@@ -39,6 +43,20 @@ class SurfaceHit:
             self.primitive[rows],
             self.uv if self.uv.shape[1] == 1 else self.uv.take(rows, axis=1),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class BSDFSample:
+    """Directions that surfaces scatter along. wi: (3, n) unit. value: (3, n), f in 1/sr. pdf: (n,) in 1/sr.
+
+    specular: (n,), whether the sample follows a delta lobe, None for all False; value |cos| / pdf is then the
+    lobe's share of the light, whatever its parts. A sample of pdf 0 counts as zero.
+    """
+
+    wi: Floats
+    value: Floats
+    pdf: Floats
+    specular: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from renderer.math.vectors import Floats, dot
 from renderer.plan.limits import check
 from renderer.plan.plan import RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
+from renderer.shading.directions import specular_light
 from renderer.shading.emission import with_emission_images
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
@@ -191,6 +192,10 @@ def _samples(
     count = work.estimator.dimensions(scene)
     u = work.sampler.uniform(pixel[rows], sample[rows], 2, count)
     light = work.estimator.estimate(scene, plan, hit, u)
+    if scene.specular and work.estimator.quantity == RADIANCE:
+        light += specular_light(
+            scene, plan, hit, work.sampler.uniform(pixel[rows], sample[rows], 2 + count, 2)
+        )
     bounced[:, rows] = light.radiance
     for out, part in zip(ratio, light.ratio or (), strict=True):
         out[:, rows] = part

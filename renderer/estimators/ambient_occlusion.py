@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.build import RenderScene
-from renderer.estimators.direction_sampling import cosine
 from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION, Reflected
-from renderer.math.vectors import Floats
+from renderer.math.vectors import Floats, combine, frame_about
+from renderer.math.warp import cosine_hemisphere
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from renderer.shading.visibility import Seen, hidden
@@ -45,7 +45,7 @@ class AmbientOcclusion:
         n = hit.p.shape[1]
         if n == 0:
             return Reflected(np.zeros((3, 0)), 0)
-        wi, _ = cosine(scene, hit, u)
+        wi = combine(frame_about(hit.n), *cosine_hemisphere(u))
         nothing = np.full(n, -1, dtype=np.int64)
         reach = np.full(n, scene.description.occlusion_distance, dtype=np.float64)
         everyone = np.arange(n, dtype=np.int64)

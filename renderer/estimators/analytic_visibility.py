@@ -16,14 +16,14 @@ import numpy as np
 from renderer.build import RenderScene
 from renderer.estimators.mis import BEST
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
-from renderer.math.vectors import Floats, dot
+from renderer.interfaces.material import LAMBERTIAN, lobes_of
+from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from renderer.shading.bsdf import scatter
+from renderer.shading.bsdf import abs_cosine, bsdf_value
 from renderer.shading.lights import chance, choose_light, sample_light, samplers, sources_of
 from renderer.shading.visibility import Seen, visible
 from scenes.description.lights import Environment
-from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import ShapeDescription
 
@@ -42,7 +42,7 @@ class AnalyticVisibility:
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """Surfaces that are not diffuse, and lights without a closed form."""
-        if any(not isinstance(s.material, Diffuse) for s in scene.shapes):
+        if any(lobes_of(s) & ~LAMBERTIAN for s in scene.shapes):
             return "closed forms hold for diffuse surfaces only, and it has others"
         for source in sources_of(scene):
             if isinstance(source, Environment) and source.image is not None:
@@ -62,13 +62,13 @@ class AnalyticVisibility:
             return Reflected(np.zeros((3, 0)), 0)
         light, u = choose_light(scene, u)
         sample = sample_light(scene, samplers(scene, *BEST), hit, light, u)
-        cosine = dot(sample.wi, hit.n)
-        useful = sample.valid & (cosine > 0)
+        f = bsdf_value(scene, hit, sample.wi)
+        useful = sample.valid & f.any(axis=0)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            weight = cosine / (sample.pdf * chance(scene, light))
-            radiance = np.where(useful, scatter(scene, hit, sample.wi) * (sample.radiance * weight), 0.0)
+            weight = abs_cosine(hit, sample.wi) / (sample.pdf * chance(scene, light))
+            radiance = np.where(useful, f * (sample.radiance * weight), 0.0)
         seen = visible(scene, plan, hit, Seen(light, sample.wi, sample.dist, sample.normal), useful, radiance)
-        closed = scatter(scene, hit, hit.n) * irradiance(scene, hit)
+        closed = bsdf_value(scene, hit, hit.n) * irradiance(scene, hit)
         if self.ratio:
             return Reflected(seen.radiance, seen.shadow_rays, (closed, radiance))
         return Reflected(closed + (seen.radiance - radiance), seen.shadow_rays)

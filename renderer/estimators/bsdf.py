@@ -2,6 +2,6 @@
 
 from renderer.estimators.direction_sampling import DirectionSampling
 from renderer.interfaces.estimator import ESTIMATORS
-from renderer.shading.bsdf import sample_material
+from renderer.shading.bsdf import sample_bsdf
 
-ESTIMATORS.add("bsdf", DirectionSampling("bsdf", "proportional to the BRDF", sample_material))
+ESTIMATORS.add("bsdf", DirectionSampling("bsdf", "proportional to the BRDF", sample_bsdf))

@@ -14,17 +14,18 @@ import numpy as np
 
 from renderer.build import RenderScene
 from renderer.interfaces.estimator import RADIANCE, Reflected
-from renderer.math.vectors import Floats, combine, dot, frame_about
+from renderer.math.vectors import Floats, combine, frame_about
 from renderer.math.warp import cosine_hemisphere, uniform_hemisphere
 from renderer.plan.plan import RenderPlan
-from renderer.records import SurfaceHit
-from renderer.shading.bsdf import scatter
-from renderer.shading.lights import light_along, pick, sample_light, samplers
+from renderer.records import BSDFSample, SurfaceHit
+from renderer.shading.bsdf import abs_cosine, bsdf_value
+from renderer.shading.directions import lights_met, scattered
+from renderer.shading.lights import pick, sample_light, samplers
 from renderer.shading.visibility import Seen, visible
 from scenes.description.scene import SceneDescription
 
-# (scene, hit, u (2, n)) -> wi (3, n), pdf (n,) in 1/sr
-Rule = Callable[[RenderScene, SurfaceHit, Floats], tuple[Floats, Floats]]
+# (scene, hit, u (2, n)) -> a direction a row
+Rule = Callable[[RenderScene, SurfaceHit, Floats], BSDFSample]
 
 
 @dataclass(frozen=True)
@@ -53,13 +54,8 @@ class DirectionSampling:
         fixed = by_delta(scene, plan, hit, u[2:])
         if scene.lights.delta.all():
             return fixed
-        wi, pdf = self.rule(scene, hit, u[:2])
-        seen, le = light_along(scene, hit, wi)
-        cosine = dot(wi, hit.n)
-        useful = (seen.light >= 0) & (cosine > 0) & (pdf > 0) & le.any(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            radiance = scatter(scene, hit, wi) * (le * (cosine / pdf))
-        met = visible(scene, plan, hit, seen, useful, radiance)
+        sample = self.rule(scene, hit, u[:2])
+        met = scattered(scene, plan, hit, sample, lights_met(scene, hit, sample))
         return met + fixed if scene.lights.delta.any() else met
 
 
@@ -75,20 +71,40 @@ def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -
     light = some[chosen]
     nothing = np.zeros((2, n))
     sample = sample_light(scene, samplers(scene, "solid-angle", "area", "environment"), hit, light, nothing)
-    cosine = dot(sample.wi, hit.n)
+    f, cosine = bsdf_value(scene, hit, sample.wi), abs_cosine(hit, sample.wi)
     with np.errstate(invalid="ignore", over="ignore"):
-        radiance = scatter(scene, hit, sample.wi) * (sample.radiance * (cosine * some.size))
+        radiance = f * (sample.radiance * (cosine * some.size))
     seen = Seen(light, sample.wi, sample.dist, sample.normal)
-    return visible(scene, plan, hit, seen, sample.valid & (cosine > 0), radiance)
+    return visible(scene, plan, hit, seen, sample.valid & f.any(axis=0), radiance)
 
 
-def uniform(scene: RenderScene, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
+def uniform(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
     """Every direction alike: pdf 1/(2 pi)."""
-    return combine(frame_about(hit.n), *uniform_hemisphere(u)), np.full_like(u[0], 1 / (2 * np.pi))
+    return _about_normals(scene, hit, u, uniform_hemisphere, lambda z: np.full_like(z, 1 / (2 * np.pi)))
 
 
-def cosine(scene: RenderScene, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
+def cosine(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
     """As the cosine: pdf cos / pi."""
-    local = cosine_hemisphere(u)
-    pdf: Floats = local[2] / np.pi
-    return combine(frame_about(hit.n), *local), pdf
+    return _about_normals(scene, hit, u, cosine_hemisphere, lambda z: z / np.pi)
+
+
+def _about_normals(
+    scene: RenderScene,
+    hit: SurfaceHit,
+    u: Floats,
+    warp: Callable[[Floats], Floats],
+    density: Callable[[Floats], Floats],
+) -> BSDFSample:
+    """A hemisphere about each normal; where the surface transmits light, either of the two, equally likely.
+
+    density: from the cosine (n,) of a direction with the axis of its hemisphere.
+    """
+    axis, share = hit.n, 1.0
+    if scene.transmits.any():
+        both = scene.transmits[hit.shape]
+        under = both & (u[0] < 0.5)
+        u = np.where(both & np.array([[True], [False]]), 2 * u % 1.0, u)
+        axis, share = np.where(under, -axis, axis), np.where(both, 0.5, 1.0)
+    local = warp(u)
+    wi = combine(frame_about(axis), *local)
+    return BSDFSample(wi, bsdf_value(scene, hit, wi), share * density(local[2]))

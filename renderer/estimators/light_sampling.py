@@ -10,10 +10,10 @@ import numpy as np
 
 from renderer.build import RenderScene
 from renderer.interfaces.estimator import RADIANCE, Reflected
-from renderer.math.vectors import Floats, dot
+from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from renderer.shading.bsdf import scatter
+from renderer.shading.bsdf import abs_cosine, bsdf_value
 from renderer.shading.lights import chance, choose_light, sample_light, samplers, without
 from renderer.shading.visibility import Seen, visible
 from scenes.description.scene import SceneDescription
@@ -28,10 +28,11 @@ class LightSampling:
     quantity: str = RADIANCE
     bias: str | None = None
     ratio: bool = False
+    one_sided: bool = False  # whether the technique goes to the side of the normals alone
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """The first light that lacks the technique, in words."""
-        return without(self.name, scene)
+        return without(self.name, scene, self.one_sided)
 
     def dimensions(self, scene: RenderScene) -> int:
         """Two for the direction, one more to choose among lights."""
@@ -50,10 +51,10 @@ def by_light(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, *
         return Reflected(np.zeros((3, 0)), 0)
     light, u = choose_light(scene, u)
     sample = sample_light(scene, samplers(scene, *preferred), hit, light, u)
-    cosine = dot(sample.wi, hit.n)
-    useful = sample.valid & (cosine > 0) if plan.horizon else sample.valid
+    f = bsdf_value(scene, hit, sample.wi)
+    useful = sample.valid & f.any(axis=0) if plan.horizon else sample.valid
     # Rows that are not valid may hold anything, and are zeroed.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        weight = cosine / (sample.pdf * chance(scene, light))
-        radiance = scatter(scene, hit, sample.wi) * (sample.radiance * weight)
+        weight = abs_cosine(hit, sample.wi) / (sample.pdf * chance(scene, light))
+        radiance = f * (sample.radiance * weight)
     return visible(scene, plan, hit, Seen(light, sample.wi, sample.dist, sample.normal), useful, radiance)

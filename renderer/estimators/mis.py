@@ -14,14 +14,14 @@ import numpy as np
 from renderer.build import RenderScene
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
 from renderer.interfaces.light import DirectionSampler
-from renderer.math.vectors import Floats, dot
+from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from renderer.shading.bsdf import material_pdf, sample_material, scatter
+from renderer.shading.bsdf import abs_cosine, bsdf_pdf, bsdf_value, sample_bsdf
+from renderer.shading.directions import lights_met, scattered
 from renderer.shading.lights import (
     chance,
     choose_light,
-    light_along,
     light_pdf,
     sample_light,
     samplers,
@@ -80,16 +80,16 @@ class MultipleImportance:
     ) -> Reflected:
         light, u = choose_light(scene, u)
         sample = sample_light(scene, techniques, hit, light, u)
-        cosine = dot(sample.wi, hit.n)
-        other = material_pdf(scene, hit, sample.wi)
+        f, cosine = bsdf_value(scene, hit, sample.wi), abs_cosine(hit, sample.wi)
+        other = bsdf_pdf(scene, hit, sample.wi)
         if scene.lights.delta.any():
             other = np.where(scene.lights.delta.take(light), 0.0, other)  # the BRDF's samples never meet it
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             own = sample.pdf * chance(scene, light)
             weight = self._weight(own, other) * cosine / own
-            radiance = scatter(scene, hit, sample.wi) * (sample.radiance * weight)
+            radiance = f * (sample.radiance * weight)
         seen = Seen(light, sample.wi, sample.dist, sample.normal)
-        return visible(scene, plan, hit, seen, sample.valid & (cosine > 0), radiance)
+        return visible(scene, plan, hit, seen, sample.valid & f.any(axis=0), radiance)
 
     def _brdf(
         self,
@@ -99,15 +99,12 @@ class MultipleImportance:
         u: Floats,
         techniques: list[DirectionSampler],
     ) -> Reflected:
-        wi, own = sample_material(scene, hit, u)
-        seen, le = light_along(scene, hit, wi)
-        cosine = dot(wi, hit.n)
-        useful = (seen.light >= 0) & (cosine > 0) & (own > 0) & le.any(axis=0)
-        other = light_pdf(scene, techniques, hit, np.where(useful, seen.light, -1), wi)
+        sample = sample_bsdf(scene, hit, u)
+        met = seen, _, useful = lights_met(scene, hit, sample)
+        other = light_pdf(scene, techniques, hit, np.where(useful, seen.light, -1), sample.wi)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            weight = self._weight(own, other) * cosine / own
-            radiance = scatter(scene, hit, wi) * (le * weight)
-        return visible(scene, plan, hit, seen, useful, radiance)
+            weight = self._weight(sample.pdf, other)
+        return scattered(scene, plan, hit, sample, met, weight)
 
     def _weight(self, own: Floats, other: Floats) -> Floats:
         """own^b / (own^b + other^b), by the ratio, so that neither power overflows."""

@@ -7,5 +7,5 @@ from renderer.interfaces.estimator import ESTIMATORS
 
 ESTIMATORS.add(
     "projected-solid-angle",
-    LightSampling("projected-solid-angle", "proportional to the cosine over the light"),
+    LightSampling("projected-solid-angle", "proportional to the cosine over the light", one_sided=True),
 )

@@ -1,21 +1,35 @@
-"""What a kind of material offers.
+"""The protocol of materials: how surfaces scatter light, in lobes that may be smooth or let light through.
 
-One object holds all materials of its kind, indexed by the scene's shapes.
+Adding a smooth or a transmissive material touches no estimator: `renderer.shading.bsdf` asks the kinds, and
+`renderer.shading.directions` adds the light of delta lobes to every estimator alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntFlag
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from renderer.math.vectors import Floats
-from renderer.records import SurfaceHit
+from renderer.records import BSDFSample, SurfaceHit
 from scenes.description.shapes import ShapeDescription
+from scenes.errors import SceneError
 from scenes.registry import Registry
+
+
+class Lobes(IntFlag):
+    """The lobes that a BSDF is made of, as pbrt's BxDFFlags [pharr2023, sec. 9.1.2]; NONE of a black one."""
+
+    NONE = 0
+    REFLECTION = 1  # wi on the side of wo
+    TRANSMISSION = 2  # wi on the other side
+    DIFFUSE = 4  # Lambertian: f is constant over a side
+    GLOSSY = 8
+    SPECULAR = 16  # a delta function: one direction wi for each wo, which light samples never find
+
+
+LAMBERTIAN = Lobes.REFLECTION | Lobes.DIFFUSE
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +42,10 @@ class MaterialExample:
 
 @runtime_checkable
 class MaterialKind(Protocol):
-    """Scattering at surfaces; wo and wi both leave the surface."""
+    """Scattering at surfaces; wo and wi both leave the surface.
+
+    The normal of a hit lies on the side of wo. All methods hold for every wi on the sphere.
+    """
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -36,32 +53,28 @@ class MaterialKind(Protocol):
         ...
 
     @classmethod
+    def lobes(cls, shape: ShapeDescription) -> Lobes:
+        """The lobes of a shape of this kind."""
+        ...
+
+    @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> MaterialKind:
-        """From all shapes of a scene, so that a shape's index is its material's; rows of other kinds are
-        black.
-        """
+        """From all shapes of a scene: a shape's index is its material's, and other kinds' rows are black."""
         ...
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """BRDF values (3, n) or (3, 1) in 1/sr, without the cosine, wi on the side of the normals; 0 for
-        other materials' points.
+        """f(wo, wi) (3, n) in 1/sr, without the cosine and without delta lobes.
+
+        0 where nothing is scattered: on a side without a lobe, and at points of other kinds.
         """
         ...
 
-    def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-        """Directions wi (3, n) as the BRDF would have them, u (2, n) in [0, 1), and their pdf (n,) in
-        1/sr.
-        """
+    def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
+        """Directions as the BSDF would have them. u: (2, n) in [0, 1)."""
         ...
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """Density (n,) in 1/sr of `sample`, 0 below the horizon."""
-        ...
-
-    def black(self) -> NDArray[np.bool_]:
-        """(s,): shapes whose material of this kind scatters nothing at all; shapes of other kinds are among
-        them.
-        """
+        """Density (n,) in 1/sr of the samples that are not specular; 0 where `sample` never goes."""
         ...
 
     @classmethod
@@ -71,3 +84,16 @@ class MaterialKind(Protocol):
 
 
 MATERIALS: Registry[type[MaterialKind]] = Registry("material", "renderer.materials")
+
+
+def material_kind(shape: ShapeDescription) -> type[MaterialKind]:
+    """The kind of a shape's material; SceneError where no kind accepts it."""
+    for _, kind in MATERIALS.items():
+        if kind.accepts(shape):
+            return kind
+    raise SceneError(f"material {type(shape.material).__name__} is not supported", shape.where)
+
+
+def lobes_of(shape: ShapeDescription) -> Lobes:
+    """The lobes of a shape's material."""
+    return material_kind(shape).lobes(shape)

@@ -21,11 +21,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from renderer.interfaces.material import MATERIALS, MaterialExample
+from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather
-from renderer.records import SurfaceHit
+from renderer.records import BSDFSample, SurfaceHit
 from scenes.description.materials import Conductor
 from scenes.description.shapes import ShapeDescription, Sphere
 
@@ -45,20 +44,24 @@ class ConductorMaterials:
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
-        """Whether a shape is a conductor."""
         return type(shape.material) is Conductor
 
     @classmethod
+    def lobes(cls, shape: ShapeDescription) -> Lobes:
+        """eta = 1 and k = 0 is no surface at all."""
+        metal = shape.material
+        nothing = isinstance(metal, Conductor) and bool(((metal.eta == 1) & (metal.k == 0)).all())
+        return Lobes.NONE if nothing else Lobes.REFLECTION | Lobes.GLOSSY
+
+    @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> ConductorMaterials:
-        """See `MaterialKind`."""
         none = Conductor(np.ones(3), np.zeros(3), 1.0)
-        rows = [s.material if isinstance(s.material, Conductor) else none for s in shapes]
+        rows = [s.material if type(s.material) is Conductor else none for s in shapes]
         eta, k = (np.stack(part, axis=1) for part in ([r.eta for r in rows], [r.k for r in rows]))
         metal = np.array([float(cls.accepts(s)) for s in shapes])
         return cls(np.array([r.alpha for r in rows]), metal, (eta - k) * (eta + k), 2 * eta * k)
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """See `MaterialKind`. 0 below the horizon."""
         mu_o, mu_i = np.maximum(dot(hit.wo, hit.n), 0.0), np.maximum(dot(wi, hit.n), 0.0)
         alpha = gather(self.alpha, hit.shape)
         distribution, h2 = _half(hit, wi, alpha)
@@ -68,9 +71,8 @@ class ConductorMaterials:
         cosine = np.minimum(0.5 * np.sqrt(h2), 1.0)
         return fresnel(cosine, gather(self.difference, hit.shape), gather(self.product, hit.shape)) * lobe
 
-    def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon. See
-        `MaterialKind`.
+    def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
+        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon.
 
         Stretched by alpha the mirrors are a hemisphere, which reflects parallel light uniformly into a cap
         about it: a direction c in the cap (z > -w.z) and c + w is the normal [dupuy2023, sec. 3].
@@ -91,23 +93,16 @@ class ConductorMaterials:
         normal += hit.wo * pull
         wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
         wi -= hit.wo
-        return wi, self.pdf(hit, wi)
+        return BSDFSample(wi, self.evaluate(hit, wi), self.pdf(hit, wi))
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """See `MaterialKind`."""
         mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
         alpha = gather(self.alpha, hit.shape)
         distribution, _ = _half(hit, wi, alpha)
         return (dot(wi, hit.n) > 0) * distribution / (2 * (mu_o + _q(mu_o, alpha)))
 
-    def black(self) -> NDArray[np.bool_]:
-        """See `MaterialKind`. eta = 1 and k = 0 is no surface at all."""
-        nothing = (self.difference == 1) & (self.product == 0)
-        return (self.metal == 0) | nothing.all(axis=0)
-
     @classmethod
     def examples(cls) -> list[MaterialExample]:
-        """See `MaterialKind`."""
         copper = np.array([0.21, 0.98, 1.2]), np.array([4.2, 2.6, 2.4])
         perfect = np.full(3, 1e-3), np.full(3, 1e3)
         kinds = [

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from renderer.interfaces.material import MATERIALS, MaterialExample
+from renderer.interfaces.material import LAMBERTIAN, MATERIALS, Lobes, MaterialExample
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.math.warp import cosine_hemisphere
-from renderer.records import SurfaceHit
+from renderer.records import BSDFSample, SurfaceHit
 from renderer.textures import brightest, evaluate
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import ShapeDescription, Sphere
@@ -29,16 +28,19 @@ class DiffuseMaterials:
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
-        """Whether a shape is diffuse."""
         return type(shape.material) is Diffuse
 
     @classmethod
+    def lobes(cls, shape: ShapeDescription) -> Lobes:
+        reflectance = shape.material.reflectance if isinstance(shape.material, Diffuse) else np.zeros(3)
+        return LAMBERTIAN if brightest(reflectance).any() else Lobes.NONE
+
+    @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> DiffuseMaterials:
-        """See `MaterialKind`."""
         value = np.zeros((3, len(shapes)))
         textured: list[tuple[int, Texture]] = []
         for i, shape in enumerate(shapes):
-            if not isinstance(shape.material, Diffuse):
+            if type(shape.material) is not Diffuse:
                 continue
             if isinstance(shape.material.reflectance, np.ndarray):
                 value[:, i] = shape.material.reflectance / np.pi
@@ -47,7 +49,6 @@ class DiffuseMaterials:
         return cls(value, tuple(textured))
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """See `MaterialKind`."""
         value = gather(self.value, hit.shape)
         if self.textured:
             value = np.broadcast_to(value, (3, hit.shape.size)).copy()
@@ -56,26 +57,19 @@ class DiffuseMaterials:
             if rows.size:
                 # What is scaled may exceed 1; pbrt clamps it too.
                 value[:, rows] = np.clip(evaluate(texture, hit.uv.take(rows, axis=1)), 0.0, 1.0) / np.pi
-        return value
+        return value * (dot(wi, hit.n) > 0)
 
-    def sample(self, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-        """Cosine-weighted, which is the whole of a Lambertian BRDF. See `MaterialKind`."""
+    def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
+        """Cosine-weighted, which is the whole of a Lambertian BRDF."""
         x, y, z = cosine_hemisphere(u)
-        return combine(frame_about(hit.n), x, y, z), z / np.pi
+        wi = combine(frame_about(hit.n), x, y, z)
+        return BSDFSample(wi, self.evaluate(hit, wi), z / np.pi)
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """See `MaterialKind`."""
         return np.maximum(dot(wi, hit.n), 0.0) / np.pi
-
-    def black(self) -> NDArray[np.bool_]:
-        """See `MaterialKind`."""
-        black = ~np.any(self.value > 0, axis=0)
-        black[[shape for shape, texture in self.textured if brightest(texture).any()]] = False
-        return black
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:
-        """See `MaterialKind`."""
         ball = Sphere(np.zeros(3), 1.0)
         return [
             MaterialExample("a coloured wall", ShapeDescription(ball, Diffuse(np.array([0.8, 0.5, 0.1]))))

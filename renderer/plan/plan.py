@@ -73,7 +73,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
     start = time.perf_counter()
     active = frozenset(PRUNINGS) - keep if prune else frozenset[str]()
     count = len(scene.bounds)
-    black = np.all([np.ones(count, dtype=np.bool_), *(kind.black() for kind in scene.materials)], axis=0)
+    black = scene.lobes == 0
     proved = _proved(scene, black)
     visible = np.array([scene.camera.sees(_corners(scene, i)) for i in range(count)], dtype=np.bool_)
     seen = np.array([_seen(source, visible, int(i)) for source, i in _sources(scene)], dtype=np.bool_)

@@ -35,7 +35,7 @@ def provable(scene: RenderScene) -> bool:
 @dataclass(frozen=True, eq=False)
 class Extents:
     """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1.
-    camera: (m,).
+    camera: (m,). transmits: (s,).
 
     lamp_low, lamp_high: (m, q) those of the sources. A distant light has inf or -inf for both, an environment
     -inf to inf.
@@ -47,6 +47,7 @@ class Extents:
     lamp_high: Floats
     plane: NDArray[np.int64]
     camera: Floats
+    transmits: Bools
     tolerance: float
 
 
@@ -67,7 +68,7 @@ def extents(scene: RenderScene) -> Extents:
     lamp_low, lamp_high = (
         np.stack([np.zeros(len(normals)), *side], axis=1)[:, 1:] for side in zip(*lamps, strict=True)
     )
-    return Extents(low, high, lamp_low, lamp_high, plane, camera, TOLERANCE * scale)
+    return Extents(low, high, lamp_low, lamp_high, plane, camera, scene.transmits, TOLERANCE * scale)
 
 
 def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int) -> tuple[Floats, Floats]:
@@ -85,14 +86,15 @@ def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int
 
 
 def _faces_camera(e: Extents) -> NDArray[np.int64]:
-    """(s,) 1 or -1: the side of its plane from which a flat shape is seen; 0 if it is not flat or seen
-    edge-on.
+    """(s,) 1 or -1: the one side of its plane on which a flat shape is seen and lit.
+
+    0 if it is not flat, is seen edge-on, or lets light through.
     """
     rows = np.maximum(e.plane, 0)
     own = np.arange(e.plane.size)
     above = e.camera[rows] > e.high[rows, own] + e.tolerance
     below = e.camera[rows] < e.low[rows, own] - e.tolerance
-    return np.where(e.plane < 0, 0, above.astype(np.int64) - below.astype(np.int64))
+    return np.where((e.plane < 0) | e.transmits, 0, above.astype(np.int64) - below.astype(np.int64))
 
 
 def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:

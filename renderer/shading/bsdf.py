@@ -1,18 +1,22 @@
-"""What estimators ask of the materials: BRDF values, directions as the BRDF would have them, and their
-density.
+"""BSDFs of a scene's points, whatever their materials: values, sampled directions, densities.
+
+Light that leaves along wo is the integral of f(wo, wi) Li(wi) |cos| over the whole sphere of wi. `bsdf_value`
+is 0 on a side to which a surface scatters nothing, so that no estimator looks at the sign of the cosine.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from renderer.build import RenderScene
-from renderer.math.vectors import Floats
-from renderer.records import SurfaceHit
+from renderer.math.vectors import Floats, dot
+from renderer.records import BSDFSample, SurfaceHit
 
 
-def scatter(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
-    """BRDF values (3, n) or (3, 1), in 1/sr."""
+def bsdf_value(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
+    """f(wo, wi) (3, n) in 1/sr, delta lobes apart; 0 where nothing is scattered."""
     if len(scene.materials) == 1:
         return scene.materials[0].evaluate(hit, wi)
     out = np.zeros_like(wi)
@@ -21,20 +25,44 @@ def scatter(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
     return out
 
 
-def sample_material(scene: RenderScene, hit: SurfaceHit, u: Floats) -> tuple[Floats, Floats]:
-    """Directions wi (3, n) as the material of each point would have them, and their pdf (n,) in 1/sr. u: (2,
-    n).
+def abs_cosine(hit: SurfaceHit, wi: Floats) -> Floats:
+    """|cos| (n,) of wi (3, n) with the normal: the factor that goes with `bsdf_value`."""
+    return np.abs(dot(wi, hit.n))
+
+
+def sample_bsdf(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
+    """A direction as the material of each point would have it; pdf 0 where that is a delta lobe's.
+
+    u: (2, n) in [0, 1). The light of delta lobes is added to every estimate by `specular_light`.
     """
+    sample = _sample(scene, hit, u)
+    if sample.specular is None:
+        return sample
+    return replace(sample, pdf=np.where(sample.specular, 0.0, sample.pdf))
+
+
+def sample_delta_lobes(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
+    """As `sample_bsdf`, pdf 0 where the sample is not a delta lobe's."""
+    sample = _sample(scene, hit, u)
+    specular = False if sample.specular is None else sample.specular
+    return replace(sample, pdf=np.where(specular, sample.pdf, 0.0))
+
+
+def _sample(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
     if len(scene.materials) == 1:
         return scene.materials[0].sample(hit, u)
-    wi, pdf = np.zeros_like(hit.p), np.zeros(u.shape[1])
+    wi, value, pdf = np.zeros_like(hit.p), np.zeros_like(hit.p), np.zeros_like(u[0])
+    specular = np.zeros_like(u[0], dtype=np.bool_) if scene.specular else None
     for kind, rows in scene.rows_of_materials(hit.shape):
-        wi[:, rows], pdf[rows] = kind.sample(hit.take(rows), u.take(rows, axis=1))
-    return wi, pdf
+        part = kind.sample(hit.take(rows), u.take(rows, axis=1))
+        wi[:, rows], value[:, rows], pdf[rows] = part.wi, part.value, part.pdf
+        if specular is not None and part.specular is not None:
+            specular[rows] = part.specular
+    return BSDFSample(wi, value, pdf, specular)
 
 
-def material_pdf(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
-    """Density (n,) in 1/sr with which `sample_material` goes along wi (3, n)."""
+def bsdf_pdf(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
+    """Density (n,) in 1/sr with which `sample_bsdf` goes along wi (3, n)."""
     if len(scene.materials) == 1:
         return scene.materials[0].pdf(hit, wi)
     out = np.zeros(wi.shape[1])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Source
+from renderer.interfaces.material import Lobes, lobes_of
 from renderer.math.vectors import Floats, dot, gather
 from renderer.records import LightSample, SurfaceHit
 from renderer.shading.emission import with_emission_images
@@ -26,8 +27,13 @@ def sources_of(scene: SceneDescription) -> list[Source]:
     return [*(s for s in scene.shapes if s.emission is not None), *scene.lights]
 
 
-def without(technique: str, scene: SceneDescription) -> str | None:
-    """Why some light of the scene has no such technique, in words, or None."""
+def without(technique: str, scene: SceneDescription, one_sided: bool = False) -> str | None:
+    """Why the technique does not do for the scene's lights and surfaces, in words, or None.
+
+    one_sided: whether the technique goes to the side of the normals alone.
+    """
+    if one_sided and any(lobes_of(s) & Lobes.TRANSMISSION for s in scene.shapes):
+        return f"{technique} sampling takes light on one side of a surface, and some surfaces transmit light"
     for source in sources_of(scene):
         for _, kind in LIGHTS.items():
             if kind.accepts(source) and (why := kind.missing(technique)):
@@ -153,7 +159,7 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
         own, along = primitive[met], wi.take(met, axis=1)
         _, normal[:, met] = scene.analytic.surface(own, hit.p.take(met, axis=1) + along * t[met])
     if scene.emissive_triangles is not None:
-        far, triangle = scene.emissive_triangles.closest_from(hit.p, hit.n, hit.triangle, wi)
+        far, triangle = scene.emissive_triangles.closest_from(hit.p, hit.normal_towards(wi), hit.triangle, wi)
         nearer = np.flatnonzero(far < t)
         t[nearer], light[nearer] = far[nearer], scene.lights.of_triangle[triangle[nearer]]
         primitive[nearer] = -1

@@ -53,14 +53,15 @@ def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, ro
     """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and what they
     would see.
     """
-    p, n, wi = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1), seen.wi.take(rows, axis=1)
+    some, wi = hit.take(rows), seen.wi.take(rows, axis=1)
+    p, n = some.p, some.normal_towards(wi)
     dist, ny = seen.dist[rows], gather(seen.normal, rows)
     cos_light = dot(wi, ny)
     ny = np.where(cos_light > 0, -ny, ny)  # on the side of p
     out = np.zeros(rows.size, dtype=np.bool_)
     if plan.shadow_triangles is not None:
         out |= plan.shadow_triangles.occluded(
-            p, n, hit.triangle[rows], p + wi * np.minimum(dist, scene.scene_diameter), ny
+            p, n, some.triangle, p + wi * np.minimum(dist, scene.scene_diameter), ny
         )
     if plan.shadow_analytic.size:
         # Within contact_epsilon of the plane of either end is part of that end, as in the plan's proofs.
@@ -76,7 +77,7 @@ def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, ro
             if len(scene.lights)
             else light
         )
-        out |= scene.analytic.occluded(plan.shadow_analytic, p, wi, tmin, tmax, hit.primitive[rows], goal)
+        out |= scene.analytic.occluded(plan.shadow_analytic, p, wi, tmin, tmax, some.primitive, goal)
     if plan.witness is not None:
-        plan.witness(hit.take(rows), wi, dist, np.ones_like(out), out)
+        plan.witness(some, wi, dist, np.ones_like(out), out)
     return out

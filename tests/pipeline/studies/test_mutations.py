@@ -68,13 +68,13 @@ def half_a_percent_in_a_pdf(patch: Patch) -> None:
 
 def dropped_cosine(patch: Patch) -> None:
     """The BRDF divided by the cosine at the receiver, which the estimator multiplies by: as if it had not."""
-    plain = light_sampling.scatter
+    plain = light_sampling.bsdf_value
 
-    def scatter(scene, hit, wi):
+    def bsdf_value(scene, hit, wi):
         with np.errstate(divide="ignore", invalid="ignore"):
             return plain(scene, hit, wi) / dot(wi, hit.n)
 
-    patch.setattr(light_sampling, "scatter", scatter)
+    patch.setattr(light_sampling, "bsdf_value", bsdf_value)
 
 
 def swapped_jacobian(patch: Patch) -> None:

@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from renderer.interfaces.material import Lobes, lobes_of
 from renderer.materials.conductor import ConductorMaterials, fresnel
 from renderer.math.vectors import dot, normalize
 from renderer.records import SurfaceHit
@@ -107,7 +108,7 @@ def test_brdf_and_pdf_keep_their_digits(alpha, theta):
     t = normalize(np.array([[0.9], [-0.2], [0.0]]))
     wo = np.repeat(normalize(n * np.sin(np.pi / 2 - theta) + t * np.sin(theta)), 8, axis=1)
     hit, metal = hits(n, wo), material(alpha)
-    wi, _ = metal.sample(hit, np.random.default_rng(7).random((2, 8)))
+    wi = metal.sample(hit, np.random.default_rng(7).random((2, 8))).wi
     wi[:, 6:] = normalize(n + 0.8 * np.array([[1.0, 0.3], [0.0, -0.5], [0.5, 0.0]]))
     value, pdf = metal.evaluate(hit, wi), metal.pdf(hit, wi)
     rtol = 1e-11 if np.cos(theta) > 1e-2 else 1e-8 if np.cos(theta) > 1e-4 else 3e-7
@@ -164,7 +165,8 @@ def test_white_furnace(alpha, cosine):
         hits(np.array([[0.0], [0.0], [1.0]]), np.repeat(wo, side * side, axis=1)),
         material(alpha, *PERFECT),
     )
-    wi, pdf = mirror.sample(hit, u)
+    sample = mirror.sample(hit, u)
+    wi, pdf = sample.wi, sample.pdf
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = np.where(pdf > 0, mirror.evaluate(hit, wi)[0] * dot(wi, hit.n) / pdf, 0.0)
     assert weight.mean() <= 1 + 1e-9 and weight.max() <= 1 + 1e-9
@@ -201,5 +203,7 @@ def test_two_materials_in_one_scene_keep_to_their_own():
 
 
 def test_a_surface_without_contrast_is_black():
-    assert material(0.2, np.ones(3), np.zeros(3)).black().tolist() == [True]
-    assert material(0.2).black().tolist() == [False]
+    ball = Sphere(np.zeros(3), 1.0)
+    nothing = ShapeDescription(ball, Conductor(np.ones(3), np.zeros(3), 0.2))
+    assert lobes_of(nothing) == Lobes.NONE
+    assert lobes_of(ShapeDescription(ball, Conductor(*COPPER, 0.2))) == Lobes.REFLECTION | Lobes.GLOSSY

@@ -1,0 +1,56 @@
+"""Directions that receivers choose for themselves, and the light that they meet."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.build import RenderScene
+from renderer.interfaces.estimator import Reflected
+from renderer.interfaces.material import Lobes
+from renderer.math.vectors import Floats
+from renderer.plan.plan import RenderPlan
+from renderer.records import BSDFSample, SurfaceHit
+from renderer.shading.bsdf import abs_cosine, sample_delta_lobes
+from renderer.shading.lights import light_along
+from renderer.shading.visibility import Seen, visible
+
+
+def lights_met(
+    scene: RenderScene, hit: SurfaceHit, sample: BSDFSample
+) -> tuple[Seen, Floats, NDArray[np.bool_]]:
+    """The light along each sample, its radiance (3, n), and whether any of it may be scattered (n,)."""
+    seen, le = light_along(scene, hit, sample.wi)
+    useful = (seen.light >= 0) & (sample.pdf > 0) & le.any(axis=0) & sample.value.any(axis=0)
+    return seen, le, useful
+
+
+def scattered(
+    scene: RenderScene,
+    plan: RenderPlan,
+    hit: SurfaceHit,
+    sample: BSDFSample,
+    met: tuple[Seen, Floats, NDArray[np.bool_]],
+    weight: Floats | float = 1.0,
+) -> Reflected:
+    """f Le |cos| V / pdf of the lights `met` along the samples, times a weight (n,)."""
+    seen, le, useful = met
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        radiance = sample.value * (le * (weight * abs_cosine(hit, sample.wi) / sample.pdf))
+    return visible(scene, plan, hit, seen, useful, radiance)
+
+
+def specular_light(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
+    """Light that delta lobes scatter; u (2, n) chooses among the lobes of a point.
+
+    A delta lobe leaves an estimator no choice of directions, so that all of them get this same part.
+    """
+    out = np.zeros_like(hit.p)
+    rows = np.flatnonzero(scene.lobes[hit.shape] & Lobes.SPECULAR)
+    if rows.size == 0:
+        return Reflected(out, 0)
+    some = hit.take(rows)
+    sample = sample_delta_lobes(scene, some, u.take(rows, axis=1))
+    part = scattered(scene, plan, some, sample, lights_met(scene, some, sample))
+    out[:, rows] = part.radiance
+    return Reflected(out, part.shadow_rays)
