@@ -82,10 +82,21 @@ app.command("list")(list_names)
 app.command("doctor")(doctor)
 
 
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"penumbra {version('penumbra')}")
+        raise typer.Exit
+
+
 @app.callback()
 def everywhere(
     allow_outside: Annotated[
         bool, typer.Option("--allow-outside", help="Let scene files name files outside their own folder.")
+    ] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and stop.", is_eager=True, callback=_version)
     ] = False,
 ) -> None:
     """Penumbra measures what accuracy costs in rendering: direct lighting, error against time, with

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol, runtime_checkable
 
 Amount = int | float  # spelled out: run-time type checks take no int for a float
@@ -21,3 +21,18 @@ class Listener(Protocol):
     def note(self, text: str) -> None:
         """One line that is worth reading."""
         ...
+
+
+class Silence:
+    """A listener that shows nothing."""
+
+    def step(self, title: str, total: Amount) -> AbstractContextManager[Update]:
+        del title, total
+        return nullcontext(_unheard)
+
+    def note(self, text: str) -> None:
+        del text
+
+
+def _unheard(_: Amount) -> None:
+    """Nobody asked."""

@@ -111,7 +111,7 @@ def _read(path: Path) -> _Found:
 
 def _try(folder: Path, platform: str) -> str | None:
     """Draw on a platform; its last words if that fails."""
-    command = [sys.executable, "-m", worker.__name__, str(folder)]
+    command = [sys.executable, "-P", "-m", worker.__name__, str(folder)]
     try:
         done = subprocess.run(
             command, env=_environment(platform), capture_output=True, text=True, timeout=SECONDS, check=False

@@ -88,7 +88,7 @@ def _reference(
     have each other.
     """
     from pipeline.backends import BACKENDS
-    from pipeline.commands.reference import default_cache
+    from pipeline.references import default_cache
     from pipeline.references.cache import reference_for
     from pipeline.references.protocol import ReferenceRequest, refusal
     from scenes.errors import PenumbraError

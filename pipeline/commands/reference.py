@@ -9,6 +9,7 @@ import typer
 
 from pipeline.commands.options import AsJson, Define, Quiet, SceneName, image_target
 from pipeline.commands.scene import open_scene
+from pipeline.references import default_cache as default_cache
 
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker
@@ -77,14 +78,6 @@ def reference(
     if target:
         _copy(stored, target)
     _tell(speaker, stored, request, target)
-
-
-def default_cache() -> Path:
-    """PENUMBRA_CACHE, or penumbra/ in the user's cache folder (XDG_CACHE_HOME, ~/.cache)."""
-    import os
-
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(os.environ.get("PENUMBRA_CACHE") or Path(base) / "penumbra") / "references"
 
 
 def _request(

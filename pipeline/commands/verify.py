@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.commands.options import AsJson, Define, Quiet, SceneName
-from pipeline.commands.reference import default_cache
 from pipeline.commands.scene import open_scene
+from pipeline.references import default_cache
 
 if TYPE_CHECKING:
     from pipeline.commands.console import Speaker

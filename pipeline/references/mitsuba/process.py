@@ -39,7 +39,7 @@ def llvm_library() -> str | None:
 
 def command(folder: Path) -> list[str]:
     """What renders the task in `folder`."""
-    return [sys.executable, "-m", mitsuba_worker.__name__, str(folder)]
+    return [sys.executable, "-P", "-m", mitsuba_worker.__name__, str(folder)]
 
 
 def run_task(task: Task) -> Generator[Image]:
