@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.test_kinds import TABLE
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
 BLOCKS = {
@@ -53,3 +55,11 @@ def test_example_runs(name: str, folder: Path) -> None:
 @pytest.mark.parametrize("name", [name for name in BLOCKS if name not in USES])
 def test_module_is_small(name: str) -> None:
     assert len(BLOCKS[name].splitlines()) <= 80
+
+
+@pytest.mark.parametrize("kind", ["spot light", "conductor", "checkerboard", "disk"])
+def test_files_to_touch_are_those_of_the_house_test(kind: str) -> None:
+    """The page promises no fewer files than tests/test_kinds.py allows."""
+    told = re.search(rf"as the {kind} \| up to (\d+) \|", PAGE)
+    assert told
+    assert int(told.group(1)) >= next(entry.limit for entry in TABLE if entry.name == kind)
