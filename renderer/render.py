@@ -9,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,7 @@ class RenderResult:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pass:
+class RenderJob:
     """What every chunk needs."""
 
     scene: RenderScene
@@ -96,16 +97,19 @@ def render(
 
     estimator, sampler: names from their registries; an estimator of one's own also as itself. spp: samples a
     pixel. keep: prunings not to make, see `plan.py`. threads, rows: how the work is cut, without effect on a
-    single bit of the image. progress: called with the share done. Raises PenumbraError for unknown names, spp
-    < 1, a seed below 0, and where the estimator does not apply to the scene.
+    single bit of the image. progress: called with the share done.
+
+    Raises PenumbraError for unknown names, spp,
+    threads or rows below 1, a seed below 0, and where the estimator does not apply to the scene.
     """
+    _check_numbers(spp=(spp, 1), seed=(seed, 0), threads=(threads, 1), rows=(rows, 1))
     built = scene if isinstance(scene, RenderScene) else build(scene)
     chosen = ESTIMATORS[estimator] if isinstance(estimator, str) else estimator
-    _check(built, chosen, spp, seed)
+    _check(built, chosen)
     plan = make_plan(built, prune, keep) if chosen.quantity == RADIANCE else plan_occlusion(built)
     if chosen.quantity == RADIANCE:
         check(built, plan if prune and not keep else make_plan(built))
-    work = _Pass(built, plan, chosen, SAMPLERS[sampler](seed, spp), spp)
+    work = RenderJob(built, plan, chosen, SAMPLERS[sampler](seed, spp), spp)
     start, cpu = time.perf_counter(), time.process_time()
     chunks = _run(work, threads, rows, progress)
     film, total = _film(built, chunks)
@@ -124,11 +128,14 @@ def render(
     )
 
 
-def _check(built: RenderScene, estimator: Estimator, spp: int, seed: int) -> None:
-    if spp < 1:
-        raise PenumbraError(f"spp is {spp}: at least 1 sample a pixel is needed")
-    if seed < 0:
-        raise PenumbraError(f"seed is {seed}: seeds are 0 or more")
+def _check_numbers(**given: tuple[object, int]) -> None:
+    """PenumbraError for an argument, a number and its least, that is no whole number or less than that."""
+    for name, (value, least) in given.items():
+        if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
+            raise PenumbraError(f"{name} is {value!r}: it must be a whole number of at least {least}")
+
+
+def _check(built: RenderScene, estimator: Estimator) -> None:
     name = built.description.name
     if estimator.quantity == RADIANCE and not built.sources.all:
         raise PenumbraError(f"scene {name!r} has no lights: nothing in it would be lit or seen")
@@ -136,7 +143,7 @@ def _check(built: RenderScene, estimator: Estimator, spp: int, seed: int) -> Non
         raise PenumbraError(f"estimator {estimator.name!r} does not apply to scene {name!r}: {why}")
 
 
-def _run(work: _Pass, threads: int, rows: int, progress: Callable[[float], None] | None) -> list[_Chunk]:
+def _run(work: RenderJob, threads: int, rows: int, progress: Callable[[float], None] | None) -> list[_Chunk]:
     """All chunks, in the order of their pixels."""
     camera = work.scene.camera
     pixels = camera.width * camera.height
@@ -152,7 +159,7 @@ def _run(work: _Pass, threads: int, rows: int, progress: Callable[[float], None]
     return chunks
 
 
-def _chunk(work: _Pass, pixels: NDArray[np.int64]) -> _Chunk:
+def _chunk(work: RenderJob, pixels: NDArray[np.int64]) -> _Chunk:
     """All samples of some pixels, a block of samples at a time."""
     sums = RatioSums(pixels.size) if work.ratio else PixelSums(pixels.size)
     tail = np.zeros(0)
@@ -160,35 +167,35 @@ def _chunk(work: _Pass, pixels: NDArray[np.int64]) -> _Chunk:
     for first in range(0, work.spp, BLOCK):
         samples = np.arange(first, min(first + BLOCK, work.spp))
         pixel, sample = np.tile(pixels, samples.size), np.repeat(samples, pixels.size)
-        direct, bounced, ratio, count, traced = _samples(work, pixel, sample)
-        total = direct + bounced
+        emitted, light, ratio, count, traced = _samples(work, pixel, sample)
+        total = emitted + light
         nonfinite += int(total.size / 3 - np.isfinite(total).all(axis=0).sum())
-        brightness = luminance(bounced)
+        brightness = luminance(light)
         floor = tail[-1] if tail.size == TAIL else 0.0
         tail = keep_largest(np.concatenate([tail, brightness[brightness > floor]]))
         shape = (3, samples.size, pixels.size)
         if isinstance(sums, RatioSums):
-            sums.add(*(v.reshape(shape) for v in (direct, bounced, *ratio)))
+            sums.add(*(v.reshape(shape) for v in (emitted, light, *ratio)))
         else:
-            sums.add(total.reshape(shape), bounced.reshape(shape))
+            sums.add(total.reshape(shape), light.reshape(shape))
         reflected += count
         rays += traced
     return _Chunk(pixels, sums, tail, reflected, nonfinite, rays)
 
 
 def _samples(
-    work: _Pass, pixel: NDArray[np.int64], sample: NDArray[np.int64]
+    work: RenderJob, pixel: NDArray[np.int64], sample: NDArray[np.int64]
 ) -> tuple[Floats, Floats, tuple[Floats, ...], int, RayCounts]:
     """One sample a row: emission seen (3, n), reflected light (3, n), what a ratio takes beside it, each (3,
     n), the number
     of points shaded, the rays traced."""
     scene, plan = work.scene, work.plan
     d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, 2))
-    hit, direct, rows = _first_hits(scene, plan, d)
-    bounced = np.zeros_like(d)
+    hit, emitted, rows = _first_hits(scene, plan, d)
+    reflected = np.zeros_like(d)
     ratio = (np.zeros_like(d), np.zeros_like(d)) if work.ratio else ()
     if not rows.size:
-        return direct, bounced, ratio, 0, RayCounts(d.shape[1])
+        return emitted, reflected, ratio, 0, RayCounts(d.shape[1])
     count = work.estimator.dimensions(scene)
     u = work.sampler.uniform(pixel[rows], sample[rows], 2, count)
     light = work.estimator.estimate(scene, plan, hit, u)
@@ -196,10 +203,10 @@ def _samples(
         light += specular_light(
             scene, plan, hit, work.sampler.uniform(pixel[rows], sample[rows], 2 + count, 2)
         )
-    bounced[:, rows] = light.radiance
+    reflected[:, rows] = light.radiance
     for out, part in zip(ratio, light.ratio or (), strict=True):
         out[:, rows] = part
-    return direct, bounced, ratio, rows.size, RayCounts(d.shape[1], light.shadow_rays)
+    return emitted, reflected, ratio, rows.size, RayCounts(d.shape[1], light.shadow_rays)
 
 
 def _first_hits(
@@ -220,10 +227,10 @@ def _first_hits(
     shape = none if scene.triangles is None else np.where(triangle >= 0, scene.triangles.shape[triangle], -1)
     if on_analytic.any():
         shape = np.where(on_analytic, scene.analytic.shape[primitive], shape)
-    direct = _emission(scene, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
+    emitted = _emission(scene, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
     rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if scene.bounds else none[:0]
     hit = _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle[rows], primitive[rows])
-    return hit, direct, rows
+    return hit, emitted, rows
 
 
 def _emission(
