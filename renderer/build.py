@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 
 from renderer.camera import Camera, make_camera
 from renderer.geometry.analytic import AnalyticPrimitives
-from renderer.geometry.bounds import TOLERANCE, ShapeBounds, shape_bounds
-from renderer.geometry.primitives import all_triangles, analytic_primitives, by_formula, without_skew
+from renderer.geometry.primitives import (
+    TOLERANCE,
+    all_triangles,
+    analytic_primitives,
+    is_analytic,
+    without_skew,
+)
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
 from renderer.interfaces.light import LIGHTS, LightKind, Source
@@ -20,7 +25,7 @@ from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_o
 from renderer.lights.environment import EnvironmentLights
 from renderer.math.vectors import Floats
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import ShapeDescription
+from scenes.description.shapes import Bounds, ShapeDescription
 from scenes.errors import SceneError
 
 
@@ -84,7 +89,7 @@ class RenderScene:
     lights: Lights
     emissive_triangles: Triangles | None
     materials: tuple[MaterialKind, ...]
-    bounds: tuple[ShapeBounds, ...]
+    bounds: tuple[Bounds, ...]
     emission: Floats
     two_sided: NDArray[np.bool_]
     emission_images: tuple[tuple[int, Floats], ...]
@@ -125,7 +130,7 @@ def build(scene: SceneDescription) -> RenderScene:
     sources, triangles, analytic = _sources(scene), all_triangles(shapes), analytic_primitives(shapes)
     lights = _lights(sources, triangles, analytic)
     glowing = lights.of_triangle >= 0
-    materials, bounds = _materials(shapes), tuple(shape_bounds(s) for s in shapes)
+    materials, bounds = _materials(shapes), tuple(s.geometry.bounds() for s in shapes)
     size, scene_diameter = _size(bounds, scene)
     black = np.zeros(3)
     return RenderScene(
@@ -143,7 +148,7 @@ def build(scene: SceneDescription) -> RenderScene:
         emission_images=tuple(
             (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
         ),
-        coordinates=coordinates(shapes),
+        coordinates=coordinates(shapes, analytic),
         material_of=np.array(
             [[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64
         ),
@@ -154,7 +159,7 @@ def build(scene: SceneDescription) -> RenderScene:
     )
 
 
-def _size(bounds: Sequence[ShapeBounds], scene: SceneDescription) -> tuple[float, float]:
+def _size(bounds: Sequence[Bounds], scene: SceneDescription) -> tuple[float, float]:
     """The largest coordinate of the scene and its camera, which the rounding of points scales with; and a
     length from any
     point of the scene to beyond all of it."""
@@ -234,7 +239,7 @@ def _primitives(
     _, first, own = np.unique(source, return_index=True, return_inverse=True)
     order = np.arange(source.size) - first[own]
     exact = np.array(
-        [isinstance(s, ShapeDescription) and by_formula(s) for s in sources.all], dtype=np.bool_
+        [isinstance(s, ShapeDescription) and is_analytic(s) for s in sources.all], dtype=np.bool_
     )[source]
     none = np.full(source.size, -1, dtype=np.int64)
     primitive = np.where(exact, np.searchsorted(analytic.shape, shape) + order, none)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from pipeline.baseline.task import Array, Surface
 from scenes.description.materials import Conductor, Material
-from scenes.description.shapes import BilinearMesh, Disk, Emission, Geometry, ShapeDescription, Sphere
+from scenes.description.shapes import Emission, Geometry, ShapeDescription, Sphere
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture
 
-SUBDIVISIONS = 5  # of an icosahedron: 20,480 triangles
-SPHERE_SAG = 3e-4  # of the radius: the most that such a triangle lies below its sphere (measured, 2.85e-4)
-SEGMENTS = 512  # of a disk's edge
+SPHERE_SAG = 3e-4  # of the radius: the most that a triangle lies below its sphere (measured, 2.85e-4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,38 +52,14 @@ def tessellate(geometry: Geometry) -> tuple[Array, Array]:
 
     Spheres have their own normals at the corners, everything else the normal of each triangle.
     """
-    match geometry:
-        case Sphere(center, radius, reverse):
-            unit = _sphere()
-            return center + radius * unit, -unit if reverse else unit
-        case Disk():
-            return _disk(geometry)
-        case _:
-            faces = geometry.faces
-            if isinstance(geometry, BilinearMesh):
-                faces = np.concatenate([faces[:, (0, 1, 3)], faces[:, (0, 3, 2)]])
-            corners = geometry.vertices[faces]
-            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            length = np.linalg.norm(normals, axis=-1, keepdims=True)
-            whole = length[:, 0] > 0  # the others have no area, and no normal
-            normals = normals[whole] / length[whole] * (-1.0 if geometry.reverse else 1.0)
-            return corners[whole], np.repeat(normals[:, None], 3, axis=1)
-
-
-def _disk(disk: Disk) -> tuple[Array, Array]:
-    x = np.asarray(np.cross(disk.normal, np.eye(3)[np.argmin(np.abs(disk.normal))]), dtype=np.float64)
-    x /= np.linalg.norm(x)
-    angle = 2 * np.pi * np.arange(SEGMENTS + 1)[:, None] / SEGMENTS
-    rim = disk.center + disk.radius * (np.cos(angle) * x + np.sin(angle) * np.cross(disk.normal, x))
-    corners = np.stack([np.broadcast_to(disk.center, (SEGMENTS, 3)), rim[:-1], rim[1:]], axis=1)
-    return corners, np.broadcast_to(disk.normal, corners.shape)
-
-
-@functools.cache
-def _sphere() -> Array:
-    """Triangles (t, 3, 3) of the unit sphere."""
-    made = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS)  # pyright: ignore[reportUnknownMemberType]
-    return np.asarray(made.vertices, dtype=np.float64)[np.asarray(made.faces)]
+    mesh = geometry.triangulated()
+    corners, side = mesh.vertices[mesh.faces], -1.0 if mesh.reverse else 1.0
+    if isinstance(geometry, Sphere):
+        return corners, side * (corners - geometry.center) / geometry.radius
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    whole = length[:, 0] > 0  # the others have no area, and no normal
+    return corners[whole], np.repeat((normals[whole] / length[whole] * side)[:, None], 3, axis=1)
 
 
 def mean_emission(emission: Emission) -> Array:

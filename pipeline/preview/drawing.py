@@ -23,12 +23,13 @@ from pipeline.preview.view import View
 from renderer import RenderScene
 from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import ShapeDescription
 from scenes.errors import PenumbraError
 
 Array = NDArray[np.float64]
 
 SIZE = (1280, 900)  # pixels
+SEGMENTS = 256  # of a disk's rim, and 5,120 triangles a sphere
 HANDED = np.array(
     [1.0, 1.0, -1.0]
 )  # our space is left-handed as pbrt's, VTK's right-handed: everything is drawn at -z
@@ -137,12 +138,11 @@ def _shape(pv: Any, plotter: Any, shape: ShapeDescription, veiled: bool, extent:
         plotter.add_mesh(
             mesh, color=tuple(0.25 + 0.75 * bright), lighting=False, opacity=0.35 if veiled else 1.0
         )
-        if not isinstance(shape.geometry, Sphere):
-            edges = mesh.extract_feature_edges(
-                feature_edges=False, non_manifold_edges=False, manifold_edges=False
-            )
-            if edges.n_points:
-                plotter.add_mesh(edges, color=INK, line_width=2)
+        edges = mesh.extract_feature_edges(
+            feature_edges=False, non_manifold_edges=False, manifold_edges=False
+        )
+        if edges.n_points:
+            plotter.add_mesh(edges, color=INK, line_width=2)
         return
     material = shape.material
     gray = material.reflectance if isinstance(material, Diffuse) else np.full(3, 0.6)
@@ -152,18 +152,8 @@ def _shape(pv: Any, plotter: Any, shape: ShapeDescription, veiled: bool, extent:
 
 
 def _mesh(pv: Any, shape: ShapeDescription) -> Any:
-    geometry = shape.geometry
-    if isinstance(geometry, Sphere):
-        return pv.Sphere(
-            radius=geometry.radius, center=geometry.center * HANDED, theta_resolution=48, phi_resolution=48
-        )
-    if isinstance(geometry, Disk):
-        center, normal = geometry.center * HANDED, geometry.normal * HANDED
-        return pv.Disc(center=center, inner=0.0, outer=geometry.radius, normal=normal, c_res=64)
-    assert isinstance(geometry, TriangleMesh | BilinearMesh)
-    loops = geometry.faces if isinstance(geometry, TriangleMesh) else geometry.faces[:, [0, 1, 3, 2]]
-    cells = np.column_stack([np.full(len(loops), loops.shape[1]), loops])
-    return pv.PolyData(geometry.vertices * HANDED, cells.ravel())
+    mesh = shape.geometry.triangulated(SEGMENTS)
+    return pv.PolyData.from_regular_faces(mesh.vertices * HANDED, mesh.faces)
 
 
 def _lights(pv: Any, plotter: Any, scene: SceneDescription, view: View) -> None:

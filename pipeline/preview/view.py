@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import Tried
 from renderer import RenderScene, render
 from renderer.camera import Camera
-from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import ShapeDescription
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def extent_of(scene: RenderScene) -> tuple[Array, Array]:
     """
     points = [in_view(scene), scene.camera.origin.T]
     points += [light.place[None] for light in scene.description.lights if light.place is not None]
-    points += [_points(shape) for shape in scene.description.shapes if shape.emission is not None]
+    points += [shape.geometry.corners for shape in scene.description.shapes if shape.emission is not None]
     every = np.concatenate(points)
     return every.min(axis=0), every.max(axis=0)
 
@@ -169,19 +169,10 @@ def _labels(scene: RenderScene) -> list[tuple[Array, str]]:
     labels = [(scene.camera.origin[:, 0], "camera")]
     for source, name in zip(scene.sources.all, scene.sources.names, strict=True):
         if isinstance(source, ShapeDescription):
-            labels.append((_points(source).mean(axis=0), f"light: {name}"))
+            labels.append((source.geometry.corners.mean(axis=0), f"light: {name}"))
         elif source.place is not None:
             labels.append((source.place, f"light: {name}"))
     return labels if len(labels) <= LABELS + 1 else [labels[0]]
-
-
-def _points(shape: ShapeDescription) -> Array:
-    """Points (m, 3) whose box holds the shape."""
-    geometry = shape.geometry
-    if isinstance(geometry, TriangleMesh | BilinearMesh):
-        return geometry.vertices
-    assert isinstance(geometry, Sphere | Disk)
-    return geometry.center + geometry.radius * np.array([[-1.0, -1, -1], [1, 1, 1]])
 
 
 def _veiled(

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, dot
+from scenes.description.shapes import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
 
 RECTANGLE, DISK, SPHERE, TRIANGLE = 0, 1, 2, 3
 BLOCK = 8  # primitives tested at once: bounds the (block, n) temporaries
@@ -169,20 +171,38 @@ def _sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats,
     return np.where(miss, -np.inf, near), np.where(miss, -np.inf, far)
 
 
-def sphere(shape: int, center: Floats, radius: float, reverse: bool) -> AnalyticPrimitives:
-    """One sphere. center: (3,)."""
-    return _single(SPHERE, shape, center, radius=radius, side=-1.0 if reverse else 1.0)
+@singledispatch
+def primitives_of(geometry: Geometry, shape: int) -> list[AnalyticPrimitives]:
+    """The primitives of a shape, one a face of a mesh; shape: its number among the scene's.
 
-
-def disk(shape: int, center: Floats, normal: Floats, radius: float) -> AnalyticPrimitives:
-    """One disk. center, normal: (3,)."""
-    return _single(DISK, shape, center, radius=radius, normal=normal)
-
-
-def rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
-    """One rectangle. corners: (4, 3) in the order p00 p10 p01 p11; one without area gets NaN, and is refused
-    as a light.
+    What has no area gets NaN, and is refused as a light.
     """
+    raise TypeError(f"no formula for rays and {type(geometry).__name__}")
+
+
+@primitives_of.register
+def _(geometry: Sphere, shape: int) -> list[AnalyticPrimitives]:
+    side = -1.0 if geometry.reverse else 1.0
+    return [_single(SPHERE, shape, geometry.center, radius=geometry.radius, side=side)]
+
+
+@primitives_of.register
+def _(geometry: Disk, shape: int) -> list[AnalyticPrimitives]:
+    return [_single(DISK, shape, geometry.center, radius=geometry.radius, normal=geometry.normal)]
+
+
+@primitives_of.register
+def _(geometry: BilinearMesh, shape: int) -> list[AnalyticPrimitives]:
+    return [_rectangle(shape, corners, geometry.reverse) for corners in geometry.vertices[geometry.faces]]
+
+
+@primitives_of.register
+def _(geometry: TriangleMesh, shape: int) -> list[AnalyticPrimitives]:
+    return [_triangle(shape, corners, geometry.reverse) for corners in geometry.vertices[geometry.faces]]
+
+
+def _rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
+    """corners: (4, 3) in the order p00 p10 p01 p11."""
     ex, ey = corners[1] - corners[0], corners[2] - corners[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         lx, ly = float(np.linalg.norm(ex)), float(np.linalg.norm(ey))
@@ -191,8 +211,8 @@ def rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
         return _single(RECTANGLE, shape, corners[0], x=ex / lx, y=ey / ly, lx=lx, ly=ly, normal=normal)
 
 
-def triangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
-    """One triangle. corners: (3, 3), a corner a row; one without area gets NaN, and is refused as a light."""
+def _triangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
+    """corners: (3, 3), a corner a row."""
     a, b = corners[1] - corners[0], corners[2] - corners[0]
     normal = np.cross(a, b)
     with np.errstate(invalid="ignore", divide="ignore"):

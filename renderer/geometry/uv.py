@@ -12,25 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.geometry.primitives import by_formula, split
+from renderer.geometry.analytic import SPHERE, AnalyticPrimitives
+from renderer.geometry.primitives import is_analytic
 from renderer.math.vectors import Floats, dot
 from scenes.description.materials import Diffuse
-from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
 from scenes.errors import SceneError
-
-TRIANGLE_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-PATCH_UV = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
-# Corners given as decimal text close a parallelogram to some 1e-16 of their size, float32 to 1e-7.
-CLOSED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Of the t triangles and the k primitives of a scene, in their order.
+    """Of the t triangles and the k analytic primitives of a scene, in their order.
 
     origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and
-    of_quadric: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres and disks;
-    center: (3, k); radius: (k,), 0 for all others.
+    of_primitive: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres
+    and disks.
     """
 
     origin: Floats
@@ -38,9 +34,7 @@ class Coordinates:
     of_triangle: NDArray[np.int64]
     of_primitive: NDArray[np.int64]
     frames: Floats
-    center: Floats
-    radius: Floats
-    ball: NDArray[np.bool_]
+    analytic: AnalyticPrimitives
 
     def at(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
         """(2, n) coordinates of points p (3, n) on their primitives."""
@@ -60,61 +54,56 @@ class Coordinates:
         """On spheres u is the angle about z and v = 1 - theta/pi; on disks v goes from 1 at the centre to 0
         at the rim.
         """
-        away, frame = p - self.center.take(which, axis=1), self.frames.take(which, axis=2)
+        away, frame = p - self.analytic.origin.take(which, axis=1), self.frames.take(which, axis=2)
         x, y, z = (dot(frame[:, i], away) for i in range(3))
         phi = np.arctan2(y, x)
         u = np.where(phi < 0, phi + 2 * np.pi, phi) / (2 * np.pi)
         theta = np.arctan2(np.sqrt(x * x + y * y), z)
-        flat = 1.0 - np.sqrt(x * x + y * y) / self.radius[which]
-        return np.stack([u, np.where(self.ball[which], 1.0 - theta / np.pi, flat)])
+        flat = 1.0 - np.sqrt(x * x + y * y) / self.analytic.radius[which]
+        return np.stack([u, np.where(self.analytic.kind[which] == SPHERE, 1.0 - theta / np.pi, flat)])
 
 
 def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
     return table[row] if table.size else np.full_like(row, -1)
 
 
-def coordinates(shapes: Sequence[ShapeDescription]) -> Coordinates | None:
+def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives) -> Coordinates | None:
     """Of a scene in which some surface varies, else None.
 
-    SceneError for a varying patch that is no parallelogram.
+    analytic: the primitives of these shapes. SceneError for a varying patch that is no parallelogram.
     """
     if not any(varies(s) for s in shapes):
         return None
     corners: list[Floats] = [np.zeros((0, 3, 3))]
     uv: list[Floats] = [np.zeros((0, 3, 2))]
     triangles: list[int] = []
-    analytic: list[int] = []
-    rounds: list[Sphere | Disk | None] = []
+    primitives: list[int] = []
+    frames: list[Floats] = []
     faces = 0
     for s in shapes:
         g = s.geometry
-        if isinstance(g, Sphere | Disk):
-            analytic.append(-1)
-            rounds.append(g)
+        if not isinstance(g, Mesh):
+            primitives.append(-1)
+            frames.append(np.eye(3) if g.frame is None else g.frame)
             continue
-        own, own_uv = _faces(s, g, whole=by_formula(s))
+        own, own_uv = _faces(s, g)
         corners.append(own)
         uv.append(own_uv)
         numbers = range(faces, faces + len(own))
-        if by_formula(s):
-            analytic.extend(numbers)
-            rounds.extend(None for _ in numbers)
+        if is_analytic(s):
+            primitives.extend(numbers)
+            frames.extend(np.eye(3) for _ in numbers)
         else:
             triangles.extend(numbers)
         faces += len(own)
     origin, along = _affine(np.concatenate(corners), np.concatenate(uv))
-    frames = np.stack(
-        [np.eye(3) if r is None or r.frame is None else r.frame for r in rounds] or [np.eye(3)], axis=2
-    )
     return Coordinates(
         origin,
         along,
         np.array(triangles, dtype=np.int64),
-        np.array(analytic, dtype=np.int64),
-        frames,
-        np.stack([np.zeros(3) if r is None else r.center for r in rounds] or [np.zeros(3)], axis=1),
-        np.array([0.0 if r is None else r.radius for r in rounds]),
-        np.array([isinstance(r, Sphere) for r in rounds], dtype=np.bool_),
+        np.array(primitives, dtype=np.int64),
+        np.stack(frames or [np.eye(3)], axis=2),
+        analytic,
     )
 
 
@@ -124,24 +113,15 @@ def varies(s: ShapeDescription) -> bool:
     return textured or (s.emission is not None and s.emission.image is not None)
 
 
-def _faces(s: ShapeDescription, g: TriangleMesh | BilinearMesh, whole: bool) -> tuple[Floats, Floats]:
-    """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a shape; a patch is one or
-    two of them.
+def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
+    """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a mesh; an analytic patch
+    is one of them, any other two.
     """
-    default = TRIANGLE_UV if isinstance(g, TriangleMesh) else PATCH_UV
-    p = g.vertices[g.faces]
-    uv = g.uv[g.faces] if g.uv is not None else np.broadcast_to(default, (*g.faces.shape, 2))
-    if isinstance(g, TriangleMesh):
-        return p, uv
-    off = max(
-        np.abs(a[:, 3] - a[:, 1] - a[:, 2] + a[:, 0]).max() / max(np.abs(a).max(), 1e-300) for a in (p, uv)
-    )
-    if varies(s) and off > CLOSED:
+    if isinstance(mesh, BilinearMesh) and varies(s) and not mesh.are_parallelograms():
         raise SceneError("a texture on a patch that is no parallelogram is not supported", s.where)
-    if whole:
-        return p[:, :3], uv[:, :3]
-    order = split(np.array([[0, 1, 2, 3]]))
-    return np.concatenate([p[:, c] for c in order]), np.concatenate([uv[:, c] for c in order])
+    if is_analytic(s):
+        return mesh.vertices[mesh.faces[:, :3]], mesh.corner_uv()[:, :3]
+    return mesh.vertices[mesh.triangulated().faces], mesh.triangle_uv()
 
 
 def _affine(corners: Floats, uv: Floats) -> tuple[Floats, Floats]:

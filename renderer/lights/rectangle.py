@@ -31,10 +31,6 @@ from scenes.description.materials import Diffuse
 from scenes.description.shapes import BilinearMesh, Emission, ShapeDescription
 from scenes.errors import SceneError
 
-# Corners given as decimal text are right-angled to some 1e-16 of their size; a sheared patch is off by far
-# more.
-RIGHT_ANGLE = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class RectangleLights:
@@ -198,21 +194,11 @@ def _patches(shape: ShapeDescription) -> Floats:
     """The corners (3, 4, q) of all patches of an emitting mesh; SceneError where one is no rectangle."""
     mesh = shape.geometry
     assert isinstance(mesh, BilinearMesh)
-    if not are_rectangles(mesh):
+    if not mesh.are_rectangles():
         raise SceneError(
             "an emitting bilinearmesh must be a rectangle with area; this patch is not", shape.where
         )
     return np.ascontiguousarray(mesh.vertices[mesh.faces].transpose(2, 1, 0))
-
-
-def are_rectangles(mesh: BilinearMesh) -> bool:
-    """Whether all patches of a mesh are rectangles with area."""
-    corners = np.ascontiguousarray(mesh.vertices[mesh.faces].transpose(2, 1, 0))
-    ex, ey = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    size = np.sqrt(dot(ex, ex) * dot(ey, ey))
-    skew = np.abs(dot(ex, ey)) > RIGHT_ANGLE * size
-    opposite = np.abs(corners[:, 3] - corners[:, 1] - ey).max(axis=0) > RIGHT_ANGLE * np.abs(corners).max()
-    return not bool(((size == 0) | skew | opposite).any())
 
 
 def _turn(shape: ShapeDescription) -> float:

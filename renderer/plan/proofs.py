@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.build import RenderScene
-from renderer.geometry.bounds import TOLERANCE
+from renderer.geometry.primitives import TOLERANCE
 from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
 from scenes.description.shapes import ShapeDescription

@@ -24,6 +24,7 @@ RIGHT_ANGLE = 1e-9
 FLAT = 1e-12
 # Corners given as decimal text close a parallelogram to some 1e-16 of their size, float32 to 1e-7.
 CLOSED = 1e-6
+SEGMENTS = 512  # of a disk's rim, where nothing else is asked for
 TRIANGLE_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 PATCH_UV = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 
@@ -92,7 +93,7 @@ class TriangleMesh:
         """Bounds of the vertices that faces use."""
         return _mesh_bounds(self)
 
-    def triangulated(self, segments: int) -> TriangleMesh:
+    def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
         """The mesh itself."""
         return self
 
@@ -141,7 +142,7 @@ class BilinearMesh:
         """Bounds of the vertices that faces use."""
         return _mesh_bounds(self)
 
-    def triangulated(self, segments: int) -> TriangleMesh:
+    def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
         """Two triangles a patch, without texture coordinates, in the order of `halves`."""
         return TriangleMesh(self.vertices, halves(self.faces), self.reverse)
 
@@ -203,7 +204,7 @@ class Sphere:
         """The ball itself."""
         return Bounds(self.center[None], self.radius)
 
-    def triangulated(self, segments: int) -> TriangleMesh:
+    def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
         """An icosahedron subdivided log2(segments / 16) times: 20,480 triangles, 2.85e-4 of the radius below
         the sphere at most, for 512 segments.
         """
@@ -245,7 +246,7 @@ class Disk:
         """The disk itself."""
         return Bounds(self.center[None], self.radius, axis=self.normal, normal=self.normal)
 
-    def triangulated(self, segments: int) -> TriangleMesh:
+    def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
         """A fan of as many triangles as `segments`, the centre their last vertex."""
         angle = np.linspace(0.0, 2 * np.pi, segments, endpoint=False)[:, None]
         x, y, _ = basis(self.normal).T

@@ -36,7 +36,7 @@ from pipeline.references.protocol import (
 from pipeline.store.keys import imported_code
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
-from scenes.description.shapes import Disk, Emission, ShapeDescription
+from scenes.description.shapes import BilinearMesh, Emission, ShapeDescription
 from scenes.errors import PenumbraError, SceneError
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")  # by preference: the first is six times as fast here
@@ -160,7 +160,7 @@ def _probe(variant: str) -> Probe:
         (image,) = run_task(Task(variant, mitsuba_scene.convert(scene), 4, seeds))
     except PenumbraError as error:
         return Probe(variant, False, str(error))
-    # The disk fills the view: every pixel reads its radiance.
+    # The wall fills the view: every pixel reads its radiance.
     if not np.allclose(image, (1.0, 2.0, 3.0), rtol=1e-5):
         return Probe(variant, False, f"reads {image.mean(axis=(0, 1))} where the radiance is 1, 2, 3")
     llvm = f"LLVM {llvm_library() or 'found by Dr.Jit'}; " if variant.startswith("llvm") else ""
@@ -168,8 +168,9 @@ def _probe(variant: str) -> Probe:
 
 
 def _probe_scene() -> SceneDescription:
-    disk = Disk(center=np.array([0.0, 0.0, 1.0]), normal=np.array([0.0, 0.0, -1.0]), radius=2.0)
-    light = ShapeDescription(disk, Diffuse(np.full(3, 0.5)), Emission(np.array([1.0, 2.0, 3.0])))
+    corners = np.array([[-2.0, -2.0, 1.0], [-2.0, 2.0, 1.0], [2.0, -2.0, 1.0], [2.0, 2.0, 1.0]])
+    wall = BilinearMesh(corners, np.arange(4)[None])
+    light = ShapeDescription(wall, Diffuse(np.full(3, 0.5)), Emission(np.array([1.0, 2.0, 3.0])))
     return SceneDescription("probe", PerspectiveCamera(np.eye(4), 60.0), Film(8, 8), (light,))
 
 

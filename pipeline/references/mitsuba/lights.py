@@ -8,10 +8,10 @@ from functools import singledispatch
 import numpy as np
 
 from pipeline.references.mitsuba.environment import LatitudeLongitude, resampled
-from pipeline.references.mitsuba.shapes import Frame, affine, basis
+from pipeline.references.mitsuba.shapes import Frame, affine
 from pipeline.references.mitsuba.worker import Plugin
 from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight, environments
-from scenes.description.shapes import Array
+from scenes.description.shapes import Array, basis
 from scenes.errors import SceneError
 
 WIDEST_CONE = 88.0  # degrees: a spot's falloff is an image on a plane before it

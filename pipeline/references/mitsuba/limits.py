@@ -1,5 +1,5 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportMissingTypeStubs=false
-"""What Mitsuba cannot be trusted with, decided from the description alone."""
+"""Scenes that Mitsuba's float32 rays get wrong, told from the description alone."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from trimesh.triangles import closest_point
 
 from pipeline.references.mitsuba.scene import convert, normalising_frame
 from pipeline.references.mitsuba.shadows import EARLY, overlooked
-from pipeline.references.mitsuba.shapes import Frame, basis, side_shift, triangles
+from pipeline.references.mitsuba.shapes import Frame, side_shift, triangles
 from pipeline.references.mitsuba.worker import RAY_LIFT
 from pipeline.references.protocol import unlit
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import Array, Disk, Geometry, ShapeDescription, Sphere
+from scenes.description.shapes import Array, Geometry, ShapeDescription
 from scenes.errors import Location
 
 RIM = 64  # points on a disk's rim
@@ -111,21 +111,12 @@ def _lights(
 
 
 def _proxy(geometry: Geometry, frame: Frame) -> _Proxy:
-    nothing = np.zeros((0, 3, 3))
-    if isinstance(geometry, Sphere):
-        return _Proxy(frame.points(geometry.center)[None], nothing, geometry.radius * frame.scale)
-    if isinstance(geometry, Disk):
-        rim, center = frame.points(_rim(geometry)), frame.points(geometry.center)
-        fan = np.stack([np.broadcast_to(center, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
-        return _Proxy(rim, fan)
-    points = frame.points(geometry.vertices)
-    return _Proxy(points, points[triangles(geometry)])
-
-
-def _rim(disk: Disk) -> Array:
-    angle = np.linspace(0.0, 2 * np.pi, RIM, endpoint=False)[:, None]
-    x, y, _ = basis(disk.normal).T
-    return disk.center + disk.radius * (np.cos(angle) * x + np.sin(angle) * y)
+    bounds = geometry.bounds()
+    if bounds.radius and bounds.axis is None:
+        return _Proxy(frame.points(bounds.points), np.zeros((0, 3, 3)), bounds.radius * frame.scale)
+    vertices, faces = triangles(geometry, RIM)
+    points = frame.points(vertices)
+    return _Proxy(points, points[faces])
 
 
 def _within(proxy: _Proxy, low: Array, high: Array) -> _Proxy:

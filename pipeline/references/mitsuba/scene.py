@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.references.mitsuba.film import offsets
 from pipeline.references.mitsuba.lights import lights
-from pipeline.references.mitsuba.shapes import Frame, corners, shapes
+from pipeline.references.mitsuba.shapes import Frame, shapes
 from pipeline.references.mitsuba.worker import MitsubaScene
 from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
 from scenes.description.shapes import Array
@@ -40,10 +40,10 @@ def normalising_frame(scene: SceneDescription) -> Frame:
     lights the image has its finest features, and a light far off shall not draw the centre out of the scene.
     Lights at infinity leave the middle.
     """
-    emitting = [corners(shape.geometry) for shape in scene.shapes if shape.emission]
+    emitting = [shape.geometry.corners for shape in scene.shapes if shape.emission]
     points = [light.place[None] for light in scene.lights if light.place is not None]
     camera = scene.camera.camera_to_world[None, :3, 3]
-    others = [corners(shape.geometry) for shape in scene.shapes if not shape.emission]
+    others = [shape.geometry.corners for shape in scene.shapes if not shape.emission]
     near = emitting + points or others or [camera]
     low, high = _box(others or near)
     center = np.clip(np.mean(_box(near), axis=0), low, high)
@@ -68,7 +68,7 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     frame = normalising_frame(scene)
     camera, fov, film = _camera(scene.camera, scene.film, frame)
     distances = [
-        float(np.linalg.norm(frame.points(corners(shape.geometry)) - camera[:3, 3], axis=1).max())
+        float(np.linalg.norm(frame.points(shape.geometry.corners) - camera[:3, 3], axis=1).max())
         for shape in scene.shapes
     ]
     farthest = max(distances, default=0.0) or 1.0

@@ -5,7 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.geometry.analytic import AnalyticPrimitives, disk, join, rectangle, sphere
+from renderer.geometry.analytic import AnalyticPrimitives, join, primitives_of
+from scenes.description.shapes import BilinearMesh, Disk, Sphere
+
+
+def sphere(shape, center, radius, reverse):
+    return primitives_of(Sphere(center, radius, reverse), shape)[0]
+
+
+def disk(shape, center, normal, radius):
+    return primitives_of(Disk(center, normal, radius), shape)[0]
+
+
+def rectangle(shape, corners, reverse):
+    return primitives_of(BilinearMesh(corners, np.arange(4)[None], reverse), shape)[0]
+
 
 UNIT = sphere(0, np.zeros(3), 1.0, False)
 ALL = np.arange(1)
