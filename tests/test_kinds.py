@@ -36,7 +36,7 @@ TABLE = [
     Kind("spot light", ("SpotLight", "SpotLights"), ("spot",), 5),
     Kind("conductor", ("Conductor", "Conductors"), ("conductor",), 8),
     Kind("checkerboard", ("Checkerboard",), ("checkerboard",), 7),
-    Kind("disk", ("Disk", "DiskLights"), ("disk",), 15),
+    Kind("disk", ("Disk", "DiskLights"), ("disk",), 9),
     *(Kind(f"scene {name}", (), (name,), 1) for name in SCENES),
     *(Kind(f"sweep {name}", (), (name,), 1) for name in SWEEPS),
 ]
@@ -48,11 +48,7 @@ USES = {
     "spot light": {"pipeline/baseline/worker.py": "pyrender's own class of that name"},
     "conductor": {"pipeline/references/mitsuba/plugins.py": "Mitsuba's own class of that name"},
     "checkerboard": {},
-    "disk": {
-        "pipeline/references/backends/mitsuba.py": "a probe of Mitsuba's sampling renders a disk",
-        "pipeline/studies/ladder.py": "the study's own scenes",
-        "pipeline/references/closed_form/": "an independent solution, for the shapes that have one",
-    },
+    "disk": {},
     # Words that mean the program, a metric or a command in the source, never the scene or the sweep.
     "scene penumbra": {"": HOMONYM},
     "sweep penumbra": {"": HOMONYM},
