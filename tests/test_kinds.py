@@ -36,7 +36,7 @@ TABLE = [
     Kind("spot light", ("SpotLight", "SpotLights"), ("spot",), 5),
     Kind("conductor", ("Conductor", "Conductors"), ("conductor",), 8),
     Kind("checkerboard", ("Checkerboard",), ("checkerboard",), 7),
-    Kind("disk", ("Disk", "DiskLights"), ("disk",), 9),
+    Kind("disk", ("Disk", "DiskLights"), ("disk",), 7),
     *(Kind(f"scene {name}", (), (name,), 1) for name in SCENES),
     *(Kind(f"sweep {name}", (), (name,), 1) for name in SWEEPS),
 ]
