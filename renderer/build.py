@@ -20,9 +20,8 @@ from renderer.geometry.primitives import (
 )
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
-from renderer.interfaces.light import LIGHTS, LightKind, Source
+from renderer.interfaces.light import LIGHTS, LightGroup, Source, Surroundings
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
-from renderer.lights.environment import EnvironmentLights
 from renderer.math.vectors import Floats
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Bounds, ShapeDescription
@@ -53,7 +52,7 @@ class Lights:
     environment: what surrounds the scene, and the number of its light.
     """
 
-    kinds: tuple[LightKind, ...]
+    kinds: tuple[LightGroup, ...]
     source: NDArray[np.int64]
     pmf: Floats
     cdf: Floats
@@ -62,7 +61,7 @@ class Lights:
     triangle: NDArray[np.int64]
     of_primitive: NDArray[np.int64]
     of_triangle: NDArray[np.int64]
-    environment: tuple[EnvironmentLights, int] | None
+    environment: tuple[Surroundings, int] | None
 
     def __len__(self) -> int:
         return self.source.size
@@ -192,22 +191,23 @@ def _kind(source: Source) -> str:
 
 
 def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPrimitives) -> Lights:
-    kinds: list[LightKind] = []
+    kinds: list[LightGroup] = []
+    certain: list[NDArray[np.bool_]] = [np.zeros(0, dtype=np.bool_)]
     for name, kind in LIGHTS.items():
         mine = [i for i, source in enumerate(sources.all) if _kind(source) == name]
         if mine:
             kinds.append(kind.make([sources.all[i] for i in mine], mine))
-    source = np.concatenate([np.zeros(0, dtype=np.int64), *(kind.source for kind in kinds)])
-    share = np.concatenate([np.zeros(0), *(kind.share for kind in kinds)])
+            certain.append(np.full(kinds[-1].parts.source.size, kind.delta))
+    source = np.concatenate([np.zeros(0, dtype=np.int64), *(kind.parts.source for kind in kinds)])
+    share = np.concatenate([np.zeros(0), *(kind.parts.share for kind in kinds)])
     pmf = share / max(len(sources.all), 1)
     primitive, triangle = _primitives(sources, source, triangles, analytic)
-    delta = np.concatenate([np.zeros(0, dtype=np.bool_), *(np.full(k.source.size, k.delta) for k in kinds)])
     return Lights(
         kinds=tuple(kinds),
         source=source,
         pmf=pmf,
         cdf=np.cumsum(pmf),
-        delta=delta,
+        delta=np.concatenate(certain),
         primitive=primitive,
         triangle=triangle,
         of_primitive=_inverse(primitive, len(analytic)),
@@ -216,15 +216,15 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
     )
 
 
-def _environment(kinds: Sequence[LightKind]) -> tuple[EnvironmentLights, int] | None:
+def _environment(kinds: Sequence[LightGroup]) -> tuple[Surroundings, int] | None:
     """What surrounds the scene; SceneError where a scene has more than one environment."""
     first = 0
     for kind in kinds:
-        if isinstance(kind, EnvironmentLights):
-            if kind.source.size > 1:
+        if isinstance(kind, Surroundings):
+            if kind.parts.source.size > 1:
                 raise SceneError("the scene has more than one environment light: one at most is supported")
             return kind, first
-        first += kind.source.size
+        first += kind.parts.source.size
     return None
 
 

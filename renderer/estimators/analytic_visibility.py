@@ -79,8 +79,8 @@ def irradiance(scene: RenderScene, hit: SurfaceHit) -> Floats:
     n = hit.p.shape[1]
     total = np.zeros((3, n))
     for kind in scene.lights.kinds:
-        for first in range(0, kind.source.size, BLOCK):
-            some = np.arange(first, min(first + BLOCK, kind.source.size))
+        for first in range(0, kind.parts.source.size, BLOCK):
+            some = np.arange(first, min(first + BLOCK, kind.parts.source.size))
             p, normal = (np.tile(v, (1, some.size)) for v in (hit.p, hit.n))
             part = kind.irradiance(some.repeat(n), p, normal)
             assert part is not None, "refuses() lets only lights with closed forms through"

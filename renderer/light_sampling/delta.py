@@ -1,27 +1,27 @@
-"""What lights of a single direction have in common: they are sampled with certainty and never met by
-chance.
-"""
+"""Lights of a single direction at every point: sampled with certainty, and never met by a ray."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.light import DirectionSampler, Index
+from renderer.interfaces.light import DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.math.vectors import Floats, dot
 from renderer.records import LightSample
+from scenes.description.lights import Light
 from scenes.errors import Location, SceneError
 
 TECHNIQUES = ("area", "solid-angle", "projected-solid-angle", "environment", "environment-compensated")
+L = TypeVar("L", bound=Light)
 
 
 @runtime_checkable
 class Arrival(Protocol):
-    """What a light of a single direction must tell."""
+    """Lights of a single direction, told by the light that arrives."""
 
     def arrive(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Floats]:
         """The direction (3, n) and distance (n,) of the light and the irradiance (3, n) or (3, 1) on a
@@ -39,33 +39,42 @@ class DeltaSampling:
     light: Arrival
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`.
-
-        Not valid where nothing arrives, at the light itself, and where numbers overflow.
-        """
+        """Not valid where nothing arrives, at the light itself, and where numbers overflow."""
         wi, dist, irradiance = self.light.arrive(index, ref_p)
         return LightSample(wi, dist, -wi, irradiance, np.ones(dist.size), _arrives(wi, irradiance))
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`: 0, since no other technique ever finds the one direction."""
+        """0: no other technique ever finds the one direction."""
         return np.zeros(index.size)
 
 
-def every_technique(light: Arrival) -> Mapping[str, DirectionSampler]:
-    """Under each name the same sampler."""
-    return dict.fromkeys(TECHNIQUES, DeltaSampling(light))
+@dataclass(frozen=True, eq=False)
+class DeltaLights:
+    """A group of lights of a single direction; every technique is the same."""
+
+    parts: Parts
+    arrival: Arrival
+
+    @property
+    def techniques(self) -> Mapping[str, DirectionSampler]:
+        return dict.fromkeys(TECHNIQUES, DeltaSampling(self.arrival))
+
+    def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
+        """E cos; 0 wherever samples would not be valid."""
+        wi, _, irradiance = self.arrival.arrive(index, ref_p)
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.where(_arrives(wi, irradiance), np.maximum(dot(wi, ref_n), 0.0) * irradiance, 0.0)
 
 
-def delta_missing(technique: str) -> str | None:
-    """See `LightKind`."""
-    return None if technique in TECHNIQUES else f"lights of one direction have no {technique} sampling"
+def delta_kind(
+    describes: type[L], arrival: Callable[[Sequence[L]], Arrival], examples: Callable[[], list[LightExample]]
+) -> LightKind:
+    """A kind of light of a single direction, made by `arrival` from its descriptions."""
 
+    def make(sources: Sequence[Source], index: Sequence[int]) -> DeltaLights:
+        return DeltaLights(Parts.whole(index), arrival([s for s in sources if isinstance(s, describes)]))
 
-def delta_irradiance(light: Arrival, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
-    """See `LightKind.irradiance`. 0 wherever samples would not be valid."""
-    wi, _, irradiance = light.arrive(index, ref_p)
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.where(_arrives(wi, irradiance), np.maximum(dot(wi, ref_n), 0.0) * irradiance, 0.0)
+    return LightKind(describes, make, "lights of one direction", TECHNIQUES, examples, delta=True)
 
 
 def towards(position: Floats, ref_p: Floats) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""What rectangular and triangular lights share: `projected-solid-angle`, and irradiance in closed form."""
+"""Rectangular and triangular lights: `projected-solid-angle`, and irradiance in closed form."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from renderer.interfaces.light import Emitters, Index
+from renderer.interfaces.light import Index
+from renderer.light_sampling.area import Emitters
 from renderer.math.vectors import Floats, dot, gather
 from renderer.records import LightSample
 from renderer.spherical.projected import projected_solid_angle, sample
@@ -19,7 +20,7 @@ class Polygons(Protocol):
 
     @property
     def emitters(self) -> Emitters:
-        """What the lights send out."""
+        """The emission of the lights."""
         ...
 
     @property
@@ -34,7 +35,7 @@ class Polygons(Protocol):
         ...
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
+        """The distance (n,) and the cosine (n,), as `Surface` has them."""
         ...
 
 
@@ -59,7 +60,6 @@ class ProjectedSolidAngle:
     lights: Polygons
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`."""
         li = self.lights
         normal = gather(li.normal, index)
         corner, others = li.corners(index, ref_p)
@@ -72,7 +72,6 @@ class ProjectedSolidAngle:
         return LightSample(wi, dist, normal, gather(li.emitters.radiance, index), pdf, valid)
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         corner, others = self.lights.corners(index, ref_p)
         e = projected_solid_angle(corner, others, ref_n)
         cosine = dot(ref_n, wi)

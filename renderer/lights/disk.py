@@ -9,23 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.light import (
-    LIGHTS,
-    AreaSampling,
-    DirectionSampler,
-    Emitters,
-    Index,
-    LightExample,
-    Source,
-    emits_as,
-    geometries,
-    receivers,
-)
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
+from renderer.light_sampling.area import AreaSampling, Emitters, geometries, receivers
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather, normalize
 from renderer.math.warp import concentric_disk
 from renderer.records import LightSample
@@ -39,8 +28,7 @@ from scenes.description.shapes import Disk, Emission, ShapeDescription
 class DiskLights:
     """center, x, y, normal: (3, k), x and y spanning the disk; radius: (k,)."""
 
-    delta: ClassVar[bool] = False
-
+    parts: Parts
     emitters: Emitters
     center: Floats
     x: Floats
@@ -49,56 +37,30 @@ class DiskLights:
     radius: Floats
 
     @property
-    def source(self) -> NDArray[np.int64]:
-        """See `LightKind`."""
-        return self.emitters.source
-
-    @property
-    def share(self) -> Floats:
-        """See `LightKind`."""
-        return np.ones(self.source.size)
-
-    @property
     def area(self) -> Floats:
         """(k,) areas."""
         return np.pi * self.radius * self.radius
 
     @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`area` and `solid-angle`."""
         return {"area": AreaSampling(self), "solid-angle": DiskSolidAngle(self)}
-
-    @staticmethod
-    def missing(technique: str) -> str | None:
-        """See `LightKind`."""
-        if technique == "projected-solid-angle":
-            return "only polygons are sampled so, and a disk is none"
-        return None if technique in ("area", "solid-angle") else f"disks have no {technique} sampling"
-
-    @classmethod
-    def accepts(cls, source: Source) -> bool:
-        """Every emitting disk."""
-        return emits_as(source, Disk)
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> DiskLights:
-        """See `LightKind`."""
         disks = geometries(sources, Disk)
         normal = np.stack([d.normal for d in disks], axis=1)
         x, y, _ = frame_about(normal)
         center = np.stack([d.center for d in disks], axis=1)
         radius = np.array([d.radius for d in disks], dtype=np.float64)
-        return cls(Emitters.of(sources, index), center, x, y, normal, radius)
+        return cls(Parts.whole(index), Emitters.of(sources), center, x, y, normal, radius)
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
         a, b = concentric_disk(u) * gather(self.radius, index)
         p = gather(self.center, index) + gather(self.x, index) * a
         p += gather(self.y, index) * b
         return p, gather(self.normal, index)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`."""
         view, frame = self.view(index, ref_p)
         x, y = dot(ref_n, gather(self.x, index)), dot(ref_n, gather(self.y, index))
         along, across = frame.cosine * x + frame.sine * y, frame.cosine * y - frame.sine * x
@@ -120,11 +82,9 @@ class DiskLights:
         return disk_view(frame.height, offset, gather(self.radius, index)), frame
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """See `Surface`."""
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
         normal = gather(self.normal, index)
         d = gather(self.center, index) - origin
         cos_light = -dot(wi, normal)
@@ -134,25 +94,6 @@ class DiskLights:
             hit = (dist > 0) & (dot(off, off) <= gather(self.radius, index) ** 2)
             hit &= self.emitters.emits(index, cos_light)
         return np.where(hit, dist, np.inf), cos_light
-
-    @classmethod
-    def examples(cls) -> list[LightExample]:
-        """See `LightKind`."""
-        disk = Disk(np.array([0.0, 2.0, 0.0]), np.array([0.0, -1.0, 0.0]), 0.7)
-        shape = ShapeDescription(disk, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0])))
-        # Below the centre, inside and outside the rim, on the axis, and in the plane but for a hundredth
-        away = np.array(
-            [[0.0, -0.03, 0.0], [0.95, -0.03, 0.1], [1.05, -0.03, 0.0], [0.0, -1.5, 0.0], [0.0, -0.02, 2.5]]
-        ).T
-        n = normalize(
-            np.array(
-                [[0.1, 1.0, 0.0], [0.5, 0.8, 0.0], [-1.0, 0.1, 0.0], [1.0, 0.1, 0.2], [0.3, 0.1, -1.0]]
-            ).T
-        )
-        return [
-            LightExample("a disk facing down", shape, *receivers(disk.center, 0.7)),
-            LightExample("a disk near its surface and its rim", shape, disk.center[:, None] + 0.7 * away, n),
-        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +115,6 @@ class DiskSolidAngle:
     lights: DiskLights
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`."""
         li = self.lights
         view, frame = li.view(index, ref_p)
         omega = solid_angle(view)
@@ -196,10 +136,26 @@ class DiskSolidAngle:
         )
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         omega = solid_angle(self.lights.view(index, ref_p)[0])
         hit = (self.lights.intersect(index, ref_p, wi)[0] < np.inf) & (omega > 0)
         return np.where(hit, 1.0 / np.where(hit, omega, 1.0), 0.0)
 
 
-LIGHTS.add("disk", DiskLights)
+def _examples() -> list[LightExample]:
+    disk = Disk(np.array([0.0, 2.0, 0.0]), np.array([0.0, -1.0, 0.0]), 0.7)
+    shape = ShapeDescription(disk, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0])))
+    # Below the centre, inside and outside the rim, on the axis, and in the plane but for a hundredth
+    away = np.array(
+        [[0.0, -0.03, 0.0], [0.95, -0.03, 0.1], [1.05, -0.03, 0.0], [0.0, -1.5, 0.0], [0.0, -0.02, 2.5]]
+    ).T
+    n = normalize(
+        np.array([[0.1, 1.0, 0.0], [0.5, 0.8, 0.0], [-1.0, 0.1, 0.0], [1.0, 0.1, 0.2], [0.3, 0.1, -1.0]]).T
+    )
+    return [
+        LightExample("a disk facing down", shape, *receivers(disk.center, 0.7)),
+        LightExample("a disk near its surface and its rim", shape, disk.center[:, None] + 0.7 * away, n),
+    ]
+
+
+ABSENT = {"projected-solid-angle": "only polygons are sampled so, and a disk is none"}
+LIGHTS.add("disk", LightKind(Disk, DiskLights.make, "disks", ("area", "solid-angle"), _examples, ABSENT))

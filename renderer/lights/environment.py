@@ -19,12 +19,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.math.piecewise import PiecewiseConstant2D
 from renderer.math.vectors import Floats, combine, dot, gather
 from renderer.math.warp import uniform_hemisphere, uniform_sphere
@@ -72,9 +71,7 @@ class EnvironmentLights:
     radiance: (m, 3) of all texels. plain, compensated: the two densities over them.
     """
 
-    delta: ClassVar[bool] = False
-
-    source: NDArray[np.int64]
+    parts: Parts
     frame: Floats
     hemisphere: NDArray[np.bool_]
     constant: NDArray[np.bool_]
@@ -84,15 +81,8 @@ class EnvironmentLights:
     compensated: TexelDensity
 
     @property
-    def share(self) -> Floats:
-        """(k,) ones: one light a source."""
-        return np.ones(self.source.size)
-
-    @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`solid-angle`, `environment` and `environment-compensated`; one and the same where all is
-        constant.
-        """
+        """One and the same where all is constant."""
         uniform = UniformDirections(self)
         if self.constant.all():
             return {"solid-angle": uniform, "environment": uniform, "environment-compensated": uniform}
@@ -102,28 +92,9 @@ class EnvironmentLights:
             "environment-compensated": TexelSampling(self, self.compensated),
         }
 
-    @staticmethod
-    def missing(technique: str) -> str | None:
-        """See `LightKind`."""
-        if technique in ("solid-angle", "environment", "environment-compensated"):
-            return None
-        why = {
-            "area": "an environment has no surface",
-            "projected-solid-angle": "an environment is not a polygon",
-        }
-        return why.get(technique, f"environments have no {technique} sampling")
-
-    @classmethod
-    def accepts(cls, source: Source) -> bool:
-        """Every `Environment`."""
-        return isinstance(source, Environment)
-
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> EnvironmentLights:
-        """See `LightKind`.
-
-        Raises SceneError for images that are no maps of the sphere or hold light that is no light.
-        """
+        """SceneError for images that are no maps of the sphere or hold light that is no light."""
         own = [s for s in sources if isinstance(s, Environment)]
         images = [_image(e) for e in own]
         constant = np.array([image.shape[:2] == (1, 1) for image in images], dtype=np.bool_)
@@ -137,7 +108,7 @@ class EnvironmentLights:
         radiance = np.concatenate([image.reshape(-1, 3) for image in images])
         excess = [_excess(s, b) for s, b in zip(lit, bright, strict=True)]
         return cls(
-            np.array(index, dtype=np.int64),
+            Parts.whole(index),
             np.stack([_axes(e) for e in own], axis=2),
             hemisphere,
             constant,
@@ -182,7 +153,7 @@ class EnvironmentLights:
         return ~self.hemisphere.take(index) | (w[2] > 0)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`: pi L of a constant sphere, pi L (1 + cos t)/2 of a hemisphere t off the surface's
+        """pi L of a constant sphere, pi L (1 + cos t)/2 of a hemisphere t off the surface's
         normal. None for images.
         """
         if not self.constant[index].all():
@@ -190,32 +161,6 @@ class EnvironmentLights:
         up = dot(gather(self.frame, index)[:, 2], ref_n)
         seen = np.where(self.hemisphere[index], 0.5 * (1.0 + np.clip(up, -1.0, 1.0)), 1.0)
         return np.pi * seen * self.of_texels(self.grid.first[index])
-
-    @classmethod
-    def examples(cls) -> list[LightExample]:
-        """See `LightKind`."""
-        p, n = np.array([[0.0], [-1.0], [2.0]]), np.array([[0.0], [0.6], [0.8]])
-        frame = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
-        row, column = np.mgrid[:6, :6]
-        smooth = 1.0 + np.sin(1.3 * row + 0.7 * column)[:, :, None] * np.array([0.9, 0.5, 0.2])
-        sun = 0.1 * smooth
-        sun[1, 2] = [60.0, 50.0, 30.0]
-        rgb = np.array([3.0, 2.0, 1.0])
-        maps = [
-            ("a constant environment", Environment(rgb)),
-            ("a constant hemisphere", Environment(rgb, frame=frame, hemisphere=True)),
-            ("an octahedral image, turned", Environment(rgb, smooth, frame=frame)),
-            ("an octahedral image with a sun", Environment(rgb, sun)),
-            (
-                "a hemisphere of an octahedral image",
-                Environment(rgb, smooth[:5, :5], frame=frame, hemisphere=True),
-            ),
-            (
-                "a latitude-longitude image, mirrored",
-                Environment(rgb, smooth[:4], MAPPINGS[1], frame * [1, 1, -1]),
-            ),
-        ]
-        return [LightExample(name, light, p, n) for name, light in maps]
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +171,7 @@ class TexelSampling:
     texels: TexelDensity
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`. Rows of an environment that is black all over are not valid."""
+        """Rows of an environment that is black all over are not valid."""
         li = self.lights
         place = self.texels.distribution.sample(index, u)
         w = li.grid.direction(index, place)
@@ -239,7 +184,6 @@ class TexelSampling:
         return LightSample(wi, np.full(pdf.size, np.inf), -wi, li.of_texels(texel), pdf, valid)
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         li = self.lights
         w = li.local(index, wi)
         pdf = self.texels.density.take(li.grid.texel_at(index, w))
@@ -253,7 +197,6 @@ class UniformDirections:
     lights: EnvironmentLights
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`."""
         li = self.lights
         w = uniform_sphere(u)
         if li.hemisphere.any():
@@ -264,7 +207,6 @@ class UniformDirections:
         return LightSample(wi, np.full(pdf.size, np.inf), -wi, li.of_texels(texel), pdf, li.lit(index, w))
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         return np.where(self.lights.lit(index, self.lights.local(index, wi)), self._pdf(index), 0.0)
 
     def _pdf(self, index: Index) -> Floats:
@@ -331,4 +273,37 @@ def _axes(e: Environment) -> Floats:
     return e.frame
 
 
-LIGHTS.add("environment", EnvironmentLights)
+def _examples() -> list[LightExample]:
+    p, n = np.array([[0.0], [-1.0], [2.0]]), np.array([[0.0], [0.6], [0.8]])
+    frame = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    row, column = np.mgrid[:6, :6]
+    smooth = 1.0 + np.sin(1.3 * row + 0.7 * column)[:, :, None] * np.array([0.9, 0.5, 0.2])
+    sun = 0.1 * smooth
+    sun[1, 2] = [60.0, 50.0, 30.0]
+    rgb = np.array([3.0, 2.0, 1.0])
+    maps = [
+        ("a constant environment", Environment(rgb)),
+        ("a constant hemisphere", Environment(rgb, frame=frame, hemisphere=True)),
+        ("an octahedral image, turned", Environment(rgb, smooth, frame=frame)),
+        ("an octahedral image with a sun", Environment(rgb, sun)),
+        (
+            "a hemisphere of an octahedral image",
+            Environment(rgb, smooth[:5, :5], frame=frame, hemisphere=True),
+        ),
+        (
+            "a latitude-longitude image, mirrored",
+            Environment(rgb, smooth[:4], MAPPINGS[1], frame * [1, 1, -1]),
+        ),
+    ]
+    return [LightExample(name, light, p, n) for name, light in maps]
+
+
+TECHNIQUES = ("solid-angle", "environment", "environment-compensated")
+ABSENT = {
+    "area": "an environment has no surface",
+    "projected-solid-angle": "an environment is not a polygon",
+}
+LIGHTS.add(
+    "environment",
+    LightKind(Environment, EnvironmentLights.make, "environments", TECHNIQUES, _examples, ABSENT),
+)

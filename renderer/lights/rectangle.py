@@ -6,23 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.light import (
-    LIGHTS,
-    AreaSampling,
-    DirectionSampler,
-    Emitters,
-    Index,
-    LightExample,
-    Source,
-    emits_as,
-    receivers,
-    shares,
-)
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
+from renderer.light_sampling.area import AreaSampling, Emitters, receivers
 from renderer.light_sampling.polygon import ProjectedSolidAngle, irradiance
 from renderer.math.vectors import Floats, combine, cross, dot, gather, normalize
 from renderer.records import LightSample
@@ -39,8 +28,7 @@ class RectangleLights:
     plain: whether none of them carries an image.
     """
 
-    delta: ClassVar[bool] = False
-
+    parts: Parts
     emitters: Emitters
     corner: Floats
     x: Floats
@@ -51,39 +39,17 @@ class RectangleLights:
     plain: bool
 
     @property
-    def source(self) -> NDArray[np.int64]:
-        """See `LightKind`."""
-        return self.emitters.source
-
-    @property
-    def share(self) -> Floats:
-        """See `LightKind`."""
-        return shares(self.source, self.area)
-
-    @property
     def area(self) -> Floats:
         """(k,) areas."""
         return self.lx * self.ly
 
     @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`area`, `solid-angle` and `projected-solid-angle`."""
         return {
             "area": AreaSampling(self),
             "solid-angle": RectangleSolidAngle(self),
             "projected-solid-angle": ProjectedSolidAngle(self),
         }
-
-    @staticmethod
-    def missing(technique: str) -> str | None:
-        """See `LightKind`."""
-        known = ("area", "solid-angle", "projected-solid-angle")
-        return None if technique in known else f"rectangles have no {technique} sampling"
-
-    @classmethod
-    def accepts(cls, source: Source) -> bool:
-        """Every emitting planar patch; `make` refuses those that are no rectangles."""
-        return emits_as(source, BilinearMesh)
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> RectangleLights:
@@ -95,12 +61,11 @@ class RectangleLights:
         corner, ex, ey = points[:, 0], points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
         lx, ly = np.sqrt(dot(ex, ex)), np.sqrt(dot(ey, ey))
         turn = np.repeat([_turn(s) for s in shapes], each)
-        emitters = Emitters.of(sources, index).repeat(each)
+        parts, emitters = Parts.by_area(index, each, lx * ly), Emitters.of(sources).repeat(each)
         plain = all(s.emission is None or s.emission.image is None for s in shapes)
-        return cls(emitters, corner, ex / lx, ey / ly, normalize(cross(ex, ey)) * turn, lx, ly, plain)
+        return cls(parts, emitters, corner, ex / lx, ey / ly, normalize(cross(ex, ey)) * turn, lx, ly, plain)
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
         x, y = (gather(self.x, index), gather(self.y, index))
         p = gather(self.corner, index) + x * (u[0] * gather(self.lx, index))
         p += y * (u[1] * gather(self.ly, index))
@@ -111,16 +76,13 @@ class RectangleLights:
         return irradiance(self, index, ref_p, ref_n) if self.plain else None
 
     def corners(self, index: Index, p: Floats) -> tuple[Floats, Floats]:
-        """See `Polygons`."""
         x, y = gather(self.x * self.lx, index), gather(self.y * self.ly, index)
         return gather(self.corner, index) - p, np.stack([x, x + y, y], axis=1)
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """See `Surface`."""
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
         x, y, z = self.local(index, origin)
         normal = gather(self.normal, index)
         cos_light = -dot(wi, normal)
@@ -144,16 +106,6 @@ class RectangleLights:
             -dot(d, gather(self.normal, index)),
         )
 
-    @classmethod
-    def examples(cls) -> list[LightExample]:
-        """See `LightKind`."""
-        patch = BilinearMesh(
-            np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.5], [-1.0, 2.0, 0.5], [1.0, 2.0, 0.5]]),
-            np.array([[0, 1, 2, 3]]),
-        )
-        shape = ShapeDescription(patch, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0])))
-        return [LightExample("a rectangle facing down", shape, *receivers(np.array([0.0, 2.0, 0.0]), 0.5))]
-
 
 @dataclass(frozen=True, eq=False)
 class RectangleSolidAngle:
@@ -164,7 +116,6 @@ class RectangleSolidAngle:
     lights: RectangleLights
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`."""
         li = self.lights
         x0, y0, z = li.local(index, ref_p)
         x1, y1 = x0 + gather(li.lx, index), y0 + gather(li.ly, index)
@@ -182,7 +133,6 @@ class RectangleSolidAngle:
         return LightSample(wi, dist, frame[2], gather(li.emitters.radiance, index), pdf, valid)
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         li = self.lights
         x0, y0, z = li.local(index, ref_p)
         omega = solid_angle(x0, x0 + gather(li.lx, index), y0, y0 + gather(li.ly, index), z)
@@ -205,4 +155,14 @@ def _turn(shape: ShapeDescription) -> float:
     return -1.0 if isinstance(shape.geometry, BilinearMesh) and shape.geometry.reverse else 1.0
 
 
-LIGHTS.add("rectangle", RectangleLights)
+def _examples() -> list[LightExample]:
+    patch = BilinearMesh(
+        np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.5], [-1.0, 2.0, 0.5], [1.0, 2.0, 0.5]]),
+        np.array([[0, 1, 2, 3]]),
+    )
+    shape = ShapeDescription(patch, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0])))
+    return [LightExample("a rectangle facing down", shape, *receivers(np.array([0.0, 2.0, 0.0]), 0.5))]
+
+
+TECHNIQUES = ("area", "solid-angle", "projected-solid-angle")
+LIGHTS.add("rectangle", LightKind(BilinearMesh, RectangleLights.make, "rectangles", TECHNIQUES, _examples))

@@ -10,23 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.light import (
-    LIGHTS,
-    AreaSampling,
-    DirectionSampler,
-    Emitters,
-    Index,
-    LightExample,
-    Source,
-    emits_as,
-    geometries,
-    receivers,
-)
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
+from renderer.light_sampling.area import AreaSampling, Emitters, geometries, receivers
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.math.warp import uniform_sphere
 from renderer.records import LightSample
@@ -39,22 +28,11 @@ from scenes.description.shapes import Emission, ShapeDescription, Sphere
 class SphereLights:
     """center: (3, k). radius: (k,). side: (k,), 1 where the outside emits, -1 where the inside does."""
 
-    delta: ClassVar[bool] = False
-
+    parts: Parts
     emitters: Emitters
     center: Floats
     radius: Floats
     side: Floats
-
-    @property
-    def source(self) -> NDArray[np.int64]:
-        """See `LightKind`."""
-        return self.emitters.source
-
-    @property
-    def share(self) -> Floats:
-        """See `LightKind`."""
-        return np.ones(self.source.size)
 
     @property
     def area(self) -> Floats:
@@ -63,32 +41,17 @@ class SphereLights:
 
     @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`area` and `solid-angle`."""
         return {"area": AreaSampling(self), "solid-angle": SphereSolidAngle(self)}
-
-    @staticmethod
-    def missing(technique: str) -> str | None:
-        """See `LightKind`."""
-        if technique == "projected-solid-angle":
-            return "only polygons are sampled so, and a sphere is none"
-        return None if technique in ("area", "solid-angle") else f"spheres have no {technique} sampling"
-
-    @classmethod
-    def accepts(cls, source: Source) -> bool:
-        """Every emitting sphere."""
-        return emits_as(source, Sphere)
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> SphereLights:
-        """See `LightKind`."""
         spheres = geometries(sources, Sphere)
         center = np.stack([s.center for s in spheres], axis=1)
         radius = np.array([s.radius for s in spheres], dtype=np.float64)
         side = np.array([-1.0 if s.reverse else 1.0 for s in spheres])
-        return cls(Emitters.of(sources, index), center, radius, side)
+        return cls(Parts.whole(index), Emitters.of(sources), center, radius, side)
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
         n = uniform_sphere(u)
         return gather(self.center, index) + n * gather(self.radius, index), n * gather(self.side, index)
 
@@ -142,21 +105,6 @@ class SphereLights:
             axis = np.where(dist > 0, d / dist, np.array([[0.0], [0.0], [1.0]]))
         return Cone(axis, dist, power, outside, np.where(outside, 1.0, -1.0), sine, cosine, opening)
 
-    @classmethod
-    def examples(cls) -> list[LightExample]:
-        """See `LightKind`."""
-        center, rgb = np.array([0.0, 2.0, 0.0]), np.array([3.0, 2.0, 1.0])
-        black = Diffuse(np.zeros(3))
-        outer = ShapeDescription(Sphere(center, 0.5), black, Emission(rgb))
-        inner = ShapeDescription(Sphere(center, 5.0, reverse=True), black, Emission(rgb))
-        p, n = receivers(center, 0.5)
-        off = p - center[:, None]
-        outside = dot(off, off) > 0.5**2
-        return [
-            LightExample("a sphere", outer, p[:, outside], n[:, outside]),
-            LightExample("a sphere from inside", inner, center[:, None] + 0.2 * off[:, :1], n[:, :1]),
-        ]
-
 
 @dataclass(frozen=True, eq=False)
 class Cone:
@@ -184,7 +132,6 @@ class SphereSolidAngle:
     lights: SphereLights
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`."""
         li = self.lights
         cone = li.cone(index, ref_p)
         below = u[0] * cone.opening  # 1 - cos(theta)
@@ -213,7 +160,6 @@ class SphereSolidAngle:
         return LightSample(wi, dist, normal, gather(li.emitters.radiance, index), pdf, emits & (dist > 0))
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         hit = self.lights.intersect(index, ref_p, wi)[0] < np.inf
         return np.where(hit, 1.0 / (2 * np.pi * self.lights.cone(index, ref_p).opening), 0.0)
 
@@ -223,4 +169,21 @@ def _inner(along: Floats, root: Floats, power: Floats) -> Floats:
     return np.where(along < 0, -power / (root - along), along + root)
 
 
-LIGHTS.add("sphere", SphereLights)
+def _examples() -> list[LightExample]:
+    center, rgb = np.array([0.0, 2.0, 0.0]), np.array([3.0, 2.0, 1.0])
+    black = Diffuse(np.zeros(3))
+    outer = ShapeDescription(Sphere(center, 0.5), black, Emission(rgb))
+    inner = ShapeDescription(Sphere(center, 5.0, reverse=True), black, Emission(rgb))
+    p, n = receivers(center, 0.5)
+    off = p - center[:, None]
+    outside = dot(off, off) > 0.5**2
+    return [
+        LightExample("a sphere", outer, p[:, outside], n[:, outside]),
+        LightExample("a sphere from inside", inner, center[:, None] + 0.2 * off[:, :1], n[:, :1]),
+    ]
+
+
+ABSENT = {"projected-solid-angle": "only polygons are sampled so, and a sphere is none"}
+LIGHTS.add(
+    "sphere", LightKind(Sphere, SphereLights.make, "spheres", ("area", "solid-angle"), _examples, ABSENT)
+)

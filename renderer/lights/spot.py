@@ -8,18 +8,15 @@ smoothly as a wide one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, Source, receivers
+from renderer.interfaces.light import LIGHTS, Index, LightExample
+from renderer.light_sampling.area import receivers
 from renderer.light_sampling.delta import (
-    delta_irradiance,
-    delta_missing,
-    every_technique,
+    delta_kind,
     fall_off,
     finite_vector,
     light_values,
@@ -37,39 +34,15 @@ class SpotLights:
     there to full, in cosine.
     """
 
-    delta: ClassVar[bool] = True
-
-    source: NDArray[np.int64]
     position: Floats
     axis: Floats
     intensity: Floats
     edge: Floats
     fade: Floats
 
-    @property
-    def share(self) -> Floats:
-        """(k,) ones: one light a source."""
-        return np.ones(self.source.size)
-
-    @property
-    def techniques(self) -> Mapping[str, DirectionSampler]:
-        """All names, one sampler."""
-        return every_technique(self)
-
-    @staticmethod
-    def missing(technique: str) -> str | None:
-        """See `LightKind`."""
-        return delta_missing(technique)
-
     @classmethod
-    def accepts(cls, source: Source) -> bool:
-        """Every `SpotLight`."""
-        return isinstance(source, SpotLight)
-
-    @classmethod
-    def make(cls, sources: Sequence[Source], index: Sequence[int]) -> SpotLights:
-        """See `LightKind`."""
-        own = [s for s in sources if isinstance(s, SpotLight)]
+    def of(cls, own: Sequence[SpotLight]) -> SpotLights:
+        """From their descriptions; SceneError where one cannot be."""
         for s in own:
             if not 0 <= s.falloff_start <= s.cone <= 180:
                 what = (
@@ -78,7 +51,6 @@ class SpotLights:
                 raise SceneError(f"{what}; allowed is 0 <= start <= cone <= 180", s.where)
         cone, start = np.radians([[s.cone for s in own], [s.falloff_start for s in own]])
         return cls(
-            np.array(index, dtype=np.int64),
             np.stack([finite_vector(s.position, "a spot light's position", s.where) for s in own], axis=1),
             np.stack([unit_vector(s.axis, "a spot light's axis", s.where) for s in own], axis=1),
             np.stack([light_values(s.intensity, "a spot light's intensity", s.where) for s in own], axis=1),
@@ -87,7 +59,6 @@ class SpotLights:
         )
 
     def arrive(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Floats]:
-        """See `Arrival`."""
         wi, dist = towards(gather(self.position, index), ref_p)
         off = gather(self.axis, index) + wi
         inside = gather(self.edge, index) - 0.5 * dot(off, off)
@@ -97,16 +68,11 @@ class SpotLights:
         t = np.where(fade > 0, np.clip(inside / np.where(fade > 0, fade, 1.0), 0.0, 1.0), hard)
         return wi, dist, fall_off(gather(self.intensity, index) * (t * t * (3.0 - 2.0 * t)), dist)
 
-    def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
-        """See `LightKind`: I(angle) cos/d^2."""
-        return delta_irradiance(self, index, ref_p, ref_n)
 
-    @classmethod
-    def examples(cls) -> list[LightExample]:
-        """See `LightKind`."""
-        down, rgb = np.array([0.0, -1.0, 0.0]), np.array([3.0, 2.0, 1.0])
-        light = SpotLight(np.array([0.0, 2.0, 0.0]), down, rgb, 45.0, 20.0)
-        return [LightExample("a spot light shining down", light, *receivers(light.position, 1.0))]
+def _examples() -> list[LightExample]:
+    down, rgb = np.array([0.0, -1.0, 0.0]), np.array([3.0, 2.0, 1.0])
+    light = SpotLight(np.array([0.0, 2.0, 0.0]), down, rgb, 45.0, 20.0)
+    return [LightExample("a spot light shining down", light, *receivers(light.position, 1.0))]
 
 
-LIGHTS.add("spot", SpotLights)
+LIGHTS.add("spot", delta_kind(SpotLight, SpotLights.of, _examples))

@@ -9,22 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.light import (
-    LIGHTS,
-    AreaSampling,
-    DirectionSampler,
-    Emitters,
-    Index,
-    LightExample,
-    Source,
-    emits_as,
-    shares,
-)
+from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
+from renderer.light_sampling.area import AreaSampling, Emitters
 from renderer.light_sampling.polygon import ProjectedSolidAngle, irradiance
 from renderer.math.vectors import Floats, cross, dot, gather, normalize
 from renderer.math.warp import uniform_triangle
@@ -41,8 +31,7 @@ class TriangleLights:
     (k,).
     """
 
-    delta: ClassVar[bool] = False
-
+    parts: Parts
     emitters: Emitters
     corner: Floats
     edges: Floats
@@ -50,34 +39,12 @@ class TriangleLights:
     area: Floats
 
     @property
-    def source(self) -> NDArray[np.int64]:
-        """See `LightKind`."""
-        return self.emitters.source
-
-    @property
-    def share(self) -> Floats:
-        """By area among the faces of a mesh."""
-        return shares(self.source, self.area)
-
-    @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """`area`, `solid-angle` and `projected-solid-angle`."""
         return {
             "area": AreaSampling(self),
             "solid-angle": TriangleSolidAngle(self),
             "projected-solid-angle": ProjectedSolidAngle(self),
         }
-
-    @staticmethod
-    def missing(technique: str) -> str | None:
-        """See `LightKind`."""
-        known = ("area", "solid-angle", "projected-solid-angle")
-        return None if technique in known else f"triangles have no {technique} sampling"
-
-    @classmethod
-    def accepts(cls, source: Source) -> bool:
-        """Every emitting triangle mesh."""
-        return emits_as(source, TriangleMesh)
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> TriangleLights:
@@ -89,26 +56,21 @@ class TriangleLights:
         normal = cross(edges[:, 0], edges[:, 1])
         double = np.sqrt(dot(normal, normal))
         turn = np.repeat([_turn(s) for s in sources], each)
-        return cls(
-            Emitters.of(sources, index).repeat(each), corner, edges, normal / double * turn, double / 2.0
-        )
+        parts, emitters = Parts.by_area(index, each, double / 2.0), Emitters.of(sources).repeat(each)
+        return cls(parts, emitters, corner, edges, normal / double * turn, double / 2.0)
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`."""
         b, c = uniform_triangle(u)
         edges = gather(self.edges, index)
         return gather(self.corner, index) + edges[:, 0] * b + edges[:, 1] * c, gather(self.normal, index)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`."""
         return irradiance(self, index, ref_p, ref_n)
 
     def corners(self, index: Index, p: Floats) -> tuple[Floats, Floats]:
-        """See `Polygons`."""
         return gather(self.corner, index) - p, gather(self.edges, index)
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """See `Surface`."""
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
@@ -127,45 +89,6 @@ class TriangleLights:
             hit = inside & (dist > 0) & self.emitters.emits(index, cos_light)
         return np.where(hit, dist, np.inf), cos_light
 
-    @classmethod
-    def examples(cls) -> list[LightExample]:
-        """See `LightKind`."""
-        down = np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.7], [0.8, 2.0, 0.9]])
-        mesh, turned = (TriangleMesh(down, np.array([face])) for face in ([0, 1, 2], [0, 2, 1]))
-        # Below, far, aside, near a corner, nearly in its plane, near the middle, and with the horizon through
-        # it
-        p = np.array(
-            [
-                [0.0, 1.0, 0.0],
-                [15.0, -18.0, 5.0],
-                [1.0, 1.5, 0.5],
-                [0.95, 1.9, -0.6],
-                [1.5, 1.95, 0.1],
-                [0.3, 1.98, -0.1],
-                [0.15, 1.2, 0.0],
-            ]
-        ).T
-        n = normalize(
-            np.array(
-                [[0.0, 1, 0], [0, 1, 0], [-1, 1, 0], [-0.2, 1, 0.1], [0, 1, 0], [0, 1, 0], [1, 0.1, 0]]
-            ).T
-        )
-        mirror = np.array([[1.0], [-1.0], [1.0]])
-        above = p * mirror + np.array([[0.0], [4.0], [0.0]])
-        standing = TriangleMesh(
-            np.array([[0.0, -0.4, 0.0], [0.0, 1.2, -0.8], [0.0, 0.5, 0.9]]), np.array([[0, 2, 1]])
-        )
-        # On a floor that the light goes through: near it, far, and by the line where it does
-        at = np.array([[-0.8, 0.0, 0.1], [-9.0, 0.0, 3.0], [-0.02, 0.0, -0.05], [-0.3, 0.0, 1.5]]).T
-        up = np.repeat(np.array([[0.0], [1.0], [0.0]]), 4, axis=1)
-        return [
-            LightExample("a triangle facing down", _shape(mesh), p, n),
-            LightExample(
-                "a two-sided triangle from above", _shape(turned, two_sided=True), above, n * mirror
-            ),
-            LightExample("a triangle standing in the floor", _shape(standing), at, up),
-        ]
-
 
 @dataclass(frozen=True, eq=False)
 class TriangleSolidAngle:
@@ -174,7 +97,6 @@ class TriangleSolidAngle:
     lights: TriangleLights
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """See `DirectionSampler`."""
         li = self.lights
         a, edges = li.corners(index, ref_p)
         normal = gather(li.normal, index)
@@ -186,7 +108,6 @@ class TriangleSolidAngle:
         return LightSample(wi, dist, normal, gather(li.emitters.radiance, index), pdf, valid)
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """See `DirectionSampler`."""
         a, edges = self.lights.corners(index, ref_p)
         omega = solid_angle(a, edges[:, 0], edges[:, 1])
         hit = (self.lights.intersect(index, ref_p, wi)[0] < np.inf) & (omega > 0)
@@ -217,4 +138,39 @@ def _shape(mesh: TriangleMesh, two_sided: bool = False) -> ShapeDescription:
     return ShapeDescription(mesh, Diffuse(np.zeros(3)), Emission(np.array([3.0, 2.0, 1.0]), two_sided))
 
 
-LIGHTS.add("triangle", TriangleLights)
+def _examples() -> list[LightExample]:
+    down = np.array([[-1.0, 2.0, -0.5], [1.0, 2.0, -0.7], [0.8, 2.0, 0.9]])
+    mesh, turned = (TriangleMesh(down, np.array([face])) for face in ([0, 1, 2], [0, 2, 1]))
+    # Below, far, aside, near a corner, nearly in its plane, near the middle, and with the horizon through
+    # it
+    p = np.array(
+        [
+            [0.0, 1.0, 0.0],
+            [15.0, -18.0, 5.0],
+            [1.0, 1.5, 0.5],
+            [0.95, 1.9, -0.6],
+            [1.5, 1.95, 0.1],
+            [0.3, 1.98, -0.1],
+            [0.15, 1.2, 0.0],
+        ]
+    ).T
+    n = normalize(
+        np.array([[0.0, 1, 0], [0, 1, 0], [-1, 1, 0], [-0.2, 1, 0.1], [0, 1, 0], [0, 1, 0], [1, 0.1, 0]]).T
+    )
+    mirror = np.array([[1.0], [-1.0], [1.0]])
+    above = p * mirror + np.array([[0.0], [4.0], [0.0]])
+    standing = TriangleMesh(
+        np.array([[0.0, -0.4, 0.0], [0.0, 1.2, -0.8], [0.0, 0.5, 0.9]]), np.array([[0, 2, 1]])
+    )
+    # On a floor that the light goes through: near it, far, and by the line where it does
+    at = np.array([[-0.8, 0.0, 0.1], [-9.0, 0.0, 3.0], [-0.02, 0.0, -0.05], [-0.3, 0.0, 1.5]]).T
+    up = np.repeat(np.array([[0.0], [1.0], [0.0]]), 4, axis=1)
+    return [
+        LightExample("a triangle facing down", _shape(mesh), p, n),
+        LightExample("a two-sided triangle from above", _shape(turned, two_sided=True), above, n * mirror),
+        LightExample("a triangle standing in the floor", _shape(standing), at, up),
+    ]
+
+
+TECHNIQUES = ("area", "solid-angle", "projected-solid-angle")
+LIGHTS.add("triangle", LightKind(TriangleMesh, TriangleLights.make, "triangles", TECHNIQUES, _examples))

@@ -128,7 +128,7 @@ def _dealt(
     """Each kind's first light, the rows that go to it, and its technique."""
     first = 0
     for kind, technique in zip(scene.lights.kinds, techniques, strict=True):
-        count = kind.source.size
+        count = kind.parts.source.size
         rows = np.flatnonzero((light >= first) & (light < first + count))
         if rows.size:
             yield first, rows, technique

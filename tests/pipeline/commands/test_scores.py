@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.scoring.metric import METRICS
-from renderer.interfaces.light import AreaSampling
+from renderer.light_sampling.area import AreaSampling
 from scenes.images.exr import write_estimate_exr, write_exr
 from tests.pipeline.commands.test_commands import Penumbra, answer, images, penumbra
 

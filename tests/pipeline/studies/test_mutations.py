@@ -23,7 +23,7 @@ from renderer import RenderScene, build
 from renderer.camera import Camera
 from renderer.estimators import light_sampling
 from renderer.geometry.triangles import Triangles
-from renderer.interfaces.light import AreaSampling
+from renderer.light_sampling.area import AreaSampling
 from renderer.lights.rectangle import RectangleLights
 from renderer.math.vectors import Floats, dot
 from tests.kit.mitsuba_scenes import moved

@@ -13,17 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from renderer.interfaces.light import LIGHTS
 from renderer.light_sampling.delta import TECHNIQUES
-from renderer.lights.distant import DistantLights
-from renderer.lights.point import PointLights
-from renderer.lights.spot import SpotLights
 from renderer.records import LightSample
 from scenes.description.lights import DistantLight, PointLight, SpotLight
 from scenes.errors import Location, SceneError
 
 RGB = np.array([3.0, 2.0, 1.0])
 DOWN = np.array([0.0, 0.0, -1.0])
-KINDS = {PointLight: PointLights, SpotLight: SpotLights, DistantLight: DistantLights}
+KINDS = {PointLight: LIGHTS["point"], SpotLight: LIGHTS["spot"], DistantLight: LIGHTS["distant"]}
 POINT = PointLight(np.array([0.0, 0.0, 2.0]), RGB)
 SPOT = SpotLight(np.array([0.0, 0.0, 2.0]), DOWN, RGB, 60.0, 30.0)
 DISTANT = DistantLight(np.array([0.6, 0.0, 0.8]), RGB)
@@ -104,10 +102,10 @@ def test_a_spot_light_without_a_fade_has_an_edge():
 
 @pytest.mark.parametrize("source", [POINT, SPOT, DISTANT])
 def test_every_technique_is_the_same_and_chance_never_finds_the_light(source):
-    light = lights(source)
+    light, kind = lights(source), KINDS[type(source)]
     assert set(light.techniques) == set(TECHNIQUES)
-    assert light.delta and light.share.tolist() == [1]
-    assert all(light.missing(t) is None for t in TECHNIQUES) and light.missing("other")
+    assert kind.delta and light.parts.share.tolist() == [1]
+    assert all(kind.missing(t) is None for t in TECHNIQUES) and kind.missing("other")
     first = sample(light, (0.3, 0.1, 0))
     for technique in TECHNIQUES:
         s = sample(light, (0.3, 0.1, 0), technique=technique)
@@ -185,8 +183,8 @@ def test_lights_side_by_side_keep_their_own():
     other = dataclasses.replace(
         SPOT, position=np.array([1.0, 0, 4]), intensity=2 * RGB, cone=20.0, falloff_start=5.0
     )
-    both = SpotLights.make([SPOT, other], [4, 9])
-    assert both.source.tolist() == [4, 9]
+    both = LIGHTS["spot"].make([SPOT, other], [4, 9])
+    assert both.parts.source.tolist() == [4, 9]
     p = np.array([[0.1, 1.1], [0.2, 0.1], [0.0, 0.0]])
     s = both.techniques["area"].sample_direction(np.array([0, 1]), p, p, np.zeros((2, 2)))
     for j, source in enumerate((SPOT, other)):

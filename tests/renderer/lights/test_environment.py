@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from renderer.interfaces.light import LIGHTS
 from renderer.lights.environment import EnvironmentLights
 from scenes.description.lights import Environment
 
@@ -316,8 +317,9 @@ def test_environments_side_by_side_change_no_bit():
 
 
 def test_what_is_missing_is_explained():
+    kind = LIGHTS["environment"]
     for technique in ("area", "projected-solid-angle", "other"):
-        assert EnvironmentLights.missing(technique)
+        assert kind.missing(technique)
     for case in MAPS:
         light = lights(case.values[0])
-        assert set(light.techniques) == set(TECHNIQUES) == {t for t in TECHNIQUES if light.missing(t) is None}
+        assert set(light.techniques) == set(TECHNIQUES) == {t for t in TECHNIQUES if kind.missing(t) is None}
