@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ class SurfaceHit:
     p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the
     surface. shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
     triangle, primitive: (n,) int64, the triangle or analytic primitive that the point lies on, -1 for none.
-    uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures.
+    uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures. front: (n,), or (1,) for all,
+    whether wo lies on the side that the surface's orientation calls its outside.
     """
 
     p: Floats
@@ -27,6 +28,7 @@ class SurfaceHit:
     triangle: NDArray[np.int64]
     primitive: NDArray[np.int64]
     uv: Floats
+    front: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
 
     def normal_towards(self, wi: Floats) -> Floats:
         """(3, n): the normals on the side of wi (3, n), which is the other one where light is transmitted."""
@@ -42,6 +44,7 @@ class SurfaceHit:
             self.triangle[rows],
             self.primitive[rows],
             self.uv if self.uv.shape[1] == 1 else self.uv.take(rows, axis=1),
+            self.front if self.front.size == 1 else self.front[rows],
         )
 
 

@@ -272,14 +272,15 @@ def _surface(
 ) -> SurfaceHit:
     """Points and normals of hits; normals on the side that the ray comes from."""
     p, n = _normals(scene, scene.camera.origin + d * t, triangle, primitive)
-    n = np.where(dot(n, d) > 0, -n, n)
+    front = dot(n, d) <= 0
+    n = np.where(front, n, -n)
     # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill
     # its whole sky.
     glowing = np.flatnonzero(scene.sources.of_shape[shape] >= 0)
     if glowing.size:
         p[:, glowing] += n.take(glowing, axis=1) * scene.contact_epsilon
     uv = np.zeros((2, 1)) if scene.coordinates is None else scene.coordinates.at(p, triangle, primitive)
-    return SurfaceHit(p, n, -d, shape, triangle, primitive, uv)
+    return SurfaceHit(p, n, -d, shape, triangle, primitive, uv, front)
 
 
 def _normals(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.baseline.task import Array, Surface
-from scenes.description.materials import Conductor, Material
+from scenes.description.materials import Conductor, Dielectric, Material
 from scenes.description.shapes import Emission, Geometry, ShapeDescription, Sphere
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture
 
@@ -74,6 +74,9 @@ def _color(material: Material) -> tuple[Array, float | None]:
     if isinstance(material, Conductor):
         below, above = (material.eta - 1) ** 2 + material.k**2, (material.eta + 1) ** 2 + material.k**2
         return below / above, material.alpha
+    if isinstance(material, Dielectric):  # opaque here: what a pane reflects, and nothing of what it shows
+        reflectance = ((material.eta - 1) / (material.eta + 1)) ** 2
+        return np.full(3, reflectance), material.alpha
     return _mean(material.reflectance), None
 
 

@@ -23,12 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample
-from renderer.math.vectors import Floats, combine, dot, frame_about, gather
+from renderer.math.vectors import Floats, dot, gather
 from renderer.records import BSDFSample, SurfaceHit
+from renderer.shading.microfacets import TINY, projected, visible_normal
 from scenes.description.materials import Conductor
 from scenes.description.shapes import ShapeDescription, Sphere
-
-TINY = np.finfo(np.float64).tiny
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +49,10 @@ class ConductorMaterials:
     def lobes(cls, shape: ShapeDescription) -> Lobes:
         """eta = 1 and k = 0 is no surface at all."""
         metal = shape.material
-        nothing = isinstance(metal, Conductor) and bool(((metal.eta == 1) & (metal.k == 0)).all())
-        return Lobes.NONE if nothing else Lobes.REFLECTION | Lobes.GLOSSY
+        assert isinstance(metal, Conductor)
+        if ((metal.eta == 1) & (metal.k == 0)).all():
+            return Lobes.NONE
+        return Lobes.REFLECTION | (Lobes.GLOSSY if metal.alpha else Lobes.SPECULAR)
 
     @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> ConductorMaterials:
@@ -66,40 +67,36 @@ class ConductorMaterials:
         alpha = gather(self.alpha, hit.shape)
         distribution, h2 = _half(hit, wi, alpha)
         # 0 where both directions graze: the numerator is 0 there already.
-        between = np.maximum(mu_i * _q(mu_o, alpha) + mu_o * _q(mu_i, alpha), TINY)
-        lobe = gather(self.metal, hit.shape) * (mu_i > 0) * distribution / (2 * between)
+        between = np.maximum(mu_i * projected(mu_o, alpha) + mu_o * projected(mu_i, alpha), TINY)
+        lobe = gather(self.metal, hit.shape) * ((mu_i > 0) & (alpha > 0)) * distribution / (2 * between)
         cosine = np.minimum(0.5 * np.sqrt(h2), 1.0)
         return fresnel(cosine, gather(self.difference, hit.shape), gather(self.product, hit.shape)) * lobe
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon.
-
-        Stretched by alpha the mirrors are a hemisphere, which reflects parallel light uniformly into a cap
-        about it: a direction c in the cap (z > -w.z) and c + w is the normal [dupuy2023, sec. 3].
-        """
-        alpha = gather(self.alpha, hit.shape)
-        mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
-        scale = 1 / _q(mu_o, alpha)
-        z = mu_o * scale
-        # c.z = height - z; written so, neither c.z + w.z nor 1 - c.z^2 loses digits at grazing angles and at
-        # the pole.
-        height = (1.0 - u[1]) * (1.0 + z)
-        sine = alpha * np.sqrt(u[1] * (1.0 + z) * (height + (1.0 - z)))
-        phi = (2 * np.pi) * u[0]
-        # w = scale (alpha wo + (1 - alpha) mu_o n), so that its part along the surface is wo's, of which only
-        # n is to be taken.
-        pull = alpha * alpha * scale
-        normal = combine(frame_about(hit.n), sine * np.cos(phi), sine * np.sin(phi), height - pull * mu_o)
-        normal += hit.wo * pull
+        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon."""
+        normal = visible_normal(hit.n, hit.wo, gather(self.alpha, hit.shape), u)
         wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
         wi -= hit.wo
-        return BSDFSample(wi, self.evaluate(hit, wi), self.pdf(hit, wi))
+        rough = BSDFSample(wi, self.evaluate(hit, wi), self.pdf(hit, wi))
+        return self._polished(hit, rough) if not self.alpha.all() else rough
+
+    def _polished(self, hit: SurfaceHit, rough: BSDFSample) -> BSDFSample:
+        """The samples with those of mirrors in their one direction: f |cos| / pdf is the reflectance."""
+        mirror = gather(self.alpha, hit.shape) == 0
+        mu_o = np.clip(dot(hit.wo, hit.n), 0.0, 1.0)
+        reflected = fresnel(mu_o, gather(self.difference, hit.shape), gather(self.product, hit.shape))
+        return BSDFSample(
+            np.where(mirror, 2 * mu_o * hit.n - hit.wo, rough.wi),
+            np.where(mirror, reflected / np.maximum(mu_o, TINY), rough.value),
+            np.where(mirror, gather(self.metal, hit.shape), rough.pdf),
+            np.broadcast_to(mirror, rough.pdf.shape),
+        )
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
         mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
         alpha = gather(self.alpha, hit.shape)
         distribution, _ = _half(hit, wi, alpha)
-        return (dot(wi, hit.n) > 0) * distribution / (2 * (mu_o + _q(mu_o, alpha)))
+        return (dot(wi, hit.n) > 0) * distribution / np.maximum(2 * (mu_o + projected(mu_o, alpha)), TINY)
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:
@@ -147,10 +144,6 @@ def fresnel(cosine: Floats, difference: Floats, product: Floats) -> Floats:
     # 0 / 0 only for a surface without contrast, seen edge-on.
     c /= np.maximum(below, TINY)
     return np.maximum(c, 0.0, out=c)
-
-
-def _q(cosine: Floats, alpha: Floats) -> Floats:
-    return np.sqrt(cosine * cosine + alpha * alpha * ((1.0 - cosine) * (1.0 + cosine)))
 
 
 def _half(hit: SurfaceHit, wi: Floats, alpha: Floats) -> tuple[Floats, Floats]:

@@ -21,10 +21,10 @@ class Diffuse:
 
 @dataclass(frozen=True, eq=False)
 class Conductor:
-    """A rough metal: GGX microfacets (Trowbridge-Reitz) with the Fresnel reflectance of eta + i k, two-sided.
+    """A metal: GGX microfacets (Trowbridge-Reitz) with the Fresnel reflectance of eta + i k, two-sided.
 
     eta, k: (3,) float64 for red, green and blue. alpha: of the distribution, remapping already done, at least
-    1e-3.
+    1e-3; 0 for a mirror.
     """
 
     eta: Array
@@ -32,4 +32,17 @@ class Conductor:
     alpha: float
 
 
-Material = Diffuse | Conductor
+@dataclass(frozen=True, eq=False)
+class Dielectric:
+    """A boundary of glass or the like. eta: the index inside over that outside, the side of the normal.
+
+    alpha: of the GGX distribution, remapping already done, 0 for a smooth boundary. thin: whether it is a
+    pane with both of its sides, which is smooth and bends no ray.
+    """
+
+    eta: float
+    alpha: float
+    thin: bool = False
+
+
+Material = Diffuse | Conductor | Dielectric

@@ -2,10 +2,10 @@
 
 Every directive of the format is read. What is simulated: direct light and ambient occlusion; shapes
 trianglemesh, plymesh, bilinearmesh (planar), sphere and disk (whole); objects and their instances; lights
-infinite, distant, point, spot and diffuse area lights; materials diffuse and conductor (rough); textures
-constant, scale, mix, checkerboard and imagemap on a diffuse reflectance; pixel filters box, triangle and
-gaussian. A file that asks for anything else is refused with one message that lists all such places; what is
-malformed is an error at once, at its place.
+infinite, distant, point, spot and diffuse area lights; materials diffuse, conductor, dielectric and
+thindielectric; textures constant, scale, mix, checkerboard and imagemap on a diffuse reflectance; pixel
+filters box, triangle and gaussian. A file that asks for anything else is refused with one message that lists
+all of it by kind; what is malformed is an error at once, at its place.
 
 Where a file says nothing, pbrt's defaults hold: its camera, its film, its gaussian filter of 1.5 pixels. Two
 are ours: without an `Integrator` it is direct light (pbrt's would go on for five bounces), without a
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.materials import Diffuse, Material
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Emission, Geometry, ShapeDescription
 from scenes.errors import SceneError
@@ -125,7 +125,4 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
 
 
 def _textured(material: Material) -> bool:
-    if isinstance(material, Conductor):
-        return False
-    assert isinstance(material, Diffuse)
-    return not isinstance(material.reflectance, np.ndarray)
+    return isinstance(material, Diffuse) and not isinstance(material.reflectance, np.ndarray)

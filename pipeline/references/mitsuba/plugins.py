@@ -28,6 +28,8 @@ def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None, film: A
     """
     conductor = _conductor(mi, dr)  # classes cannot be written before a variant is set
     mi.register_bsdf("penumbra_conductor", lambda props: conductor(props))
+    dielectric = _dielectric(mi, dr)
+    mi.register_bsdf("penumbra_dielectric", lambda props: dielectric(props))
     if pixel_filter is not None:
         filtered = _filtered(mi, dr, pixel_filter, film)
         mi.register_sensor("penumbra_filtered", lambda props: filtered(props))
@@ -86,6 +88,66 @@ def _conductor(mi: Any, dr: Any) -> Any:
             return made, dr.select(made.pdf > 0, value / dr.select(made.pdf > 0, made.pdf, 1), 0)
 
     return Conductor
+
+
+def _dielectric(mi: Any, dr: Any) -> Any:
+    flags = mi.BSDFFlags
+    both_sides = flags.FrontSide | flags.BackSide | flags.NonSymmetric
+
+    class Dielectric(mi.BSDF):
+        """A rough boundary of GGX microfacets with height-correlated Smith shadowing."""
+
+        def __init__(self, props: Any) -> None:
+            mi.BSDF.__init__(self, props)
+            self.spread = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, props["alpha"], True)
+            self.index = props["eta"]
+            self.m_components = [flags.GlossyReflection | both_sides, flags.GlossyTransmission | both_sides]
+            self.m_flags = self.m_components[0] | self.m_components[1]
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+            wi = si.wi
+            mirrored = wi.z * wo.z > 0
+            eta = dr.select(wi.z > 0, self.index, 1 / self.index)
+            m = dr.normalize(wi + wo * dr.select(mirrored, 1.0, eta))
+            m = dr.select(m.z < 0, -m, m)
+            i, o = dr.dot(wi, m), dr.dot(wo, m)
+            reflectance = mi.fresnel(i, self.index)[0]
+            g_in, g_out = self.spread.smith_g1(wi, m), self.spread.smith_g1(wo, m)
+            seen = active & (wi.z != 0) & (wo.z != 0) & (g_in > 0) & (g_out > 0)
+            masking = dr.rcp(dr.rcp(dr.select(seen, g_in, 1)) + dr.rcp(dr.select(seen, g_out, 1)) - 1)
+            spread = self.spread.eval(m) / dr.abs(wi.z)
+            bent = dr.square(dr.select(mirrored, 1.0, i + eta * o))
+            # Of radiance that is refracted the square of eta cancels; the density has it.
+            chance = dr.select(mirrored, reflectance / 4, (1 - reflectance) * dr.abs(i * o) / bent)
+            value = dr.select(seen, spread * masking * chance, 0)
+            pdf = dr.select(seen, spread * g_in * chance * dr.select(mirrored, 1.0, dr.square(eta)), 0)
+            return mi.Color3f(value), pdf
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.eval_pdf(ctx, si, wo, active)[0]
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.eval_pdf(ctx, si, wo, active)[1]
+
+        def sample(
+            self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
+        ) -> tuple[Any, Any]:
+            side = dr.select(si.wi.z < 0, -1.0, 1.0)
+            m = self.spread.sample(si.wi * side, sample2)[0]
+            reflectance, cosine, eta_it, eta_ti = mi.fresnel(dr.dot(si.wi, m), self.index)
+            mirrored = sample1 < reflectance
+            made = dr.zeros(mi.BSDFSample3f)
+            made.wo = dr.select(mirrored, mi.reflect(si.wi, m), mi.refract(si.wi, m, cosine, eta_ti))
+            value, made.pdf = self.eval_pdf(ctx, si, made.wo, active)
+            made.pdf = dr.select((made.wo.z * si.wi.z > 0) == mirrored, made.pdf, 0)
+            made.eta = dr.select(mirrored, 1.0, eta_it)
+            made.sampled_component = dr.select(mirrored, mi.UInt32(0), mi.UInt32(1))
+            made.sampled_type = dr.select(
+                mirrored, mi.UInt32(+flags.GlossyReflection), mi.UInt32(+flags.GlossyTransmission)
+            )
+            return made, dr.select(made.pdf > 0, value / dr.select(made.pdf > 0, made.pdf, 1), 0)
+
+    return Dielectric
 
 
 def _offset(mi: Any, dr: Any, table: Any, steps: int, u: Any) -> Any:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description.materials import Conductor, Material
+from scenes.description.materials import Conductor, Dielectric, Diffuse, Material
 from scenes.description.shapes import Array
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import Location, SceneError
@@ -38,6 +38,12 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
 
     SceneError where its textures have no counterpart.
     """
+    if isinstance(material, Dielectric):
+        return _dielectric(material, where)
+    if isinstance(material, Conductor) and material.alpha == 0:
+        return Plugin(
+            "bsdf", "twosided", {"one": Plugin("bsdf", "conductor", {"eta": material.eta, "k": material.k})}
+        )
     if isinstance(material, Conductor):
         values: dict[str, float] = {f"eta{c}": float(material.eta[c]) for c in range(3)}
         values |= {f"k{c}": float(material.k[c]) for c in range(3)}
@@ -46,11 +52,17 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
     return Plugin("bsdf", "twosided", {"one": _diffuse(_expand(material.reflectance, where), to_uv)})
 
 
+def _dielectric(material: Dielectric, where: Location | None) -> Plugin:
+    """Mitsuba's smooth boundaries and panes are pbrt's; its rough one has another G, see `plugins`."""
+    indices = {"int_ior": material.eta, "ext_ior": 1.0}
+    if material.alpha == 0:
+        return Plugin("bsdf", "thindielectric" if material.thin else "dielectric", indices)
+    return Plugin("bsdf", "penumbra_dielectric", {"alpha": material.alpha, "eta": material.eta})
+
+
 def is_textured(material: Material, where: Location | None) -> bool:
     """Whether it matters where on the shape a point is."""
-    return not isinstance(material, Conductor) and not isinstance(
-        _expand(material.reflectance, where), np.ndarray
-    )
+    return isinstance(material, Diffuse) and not isinstance(_expand(material.reflectance, where), np.ndarray)
 
 
 def bitmap(image: Array, mapping: UVMapping, wrap: str, filtering: str, to_uv: Array) -> Plugin:

@@ -22,7 +22,10 @@ from scenes.description.scene import Film, SceneDescription
 from scenes.description.shapes import Array
 from scenes.errors import PenumbraError
 
-METAL = "rough metal is Mitsuba's roughconductor, whose shadowing and masking are independent; Penumbra's and pbrt's are correlated by height"  # noqa: E501
+MICROFACETS = (
+    "rough metal and glass are Mitsuba's roughconductor and roughdielectric, whose shadowing and masking are "
+    "independent; Penumbra's and pbrt's are correlated by height"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +61,7 @@ def to_xml(scene: SceneDescription, stem: str) -> MitsubaFiles:
     notes = [
         _moved(frame),
         *notes,
-        *([METAL] if writer.metal else []),
+        *([MICROFACETS] if writer.microfacets else []),
         *(f"{k}: {v}" for k, v in converted.notes.items()),
     ]
     head = [
@@ -133,18 +136,20 @@ def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
 
 @dataclass(eq=False)
 class _Writer:
-    """Writes plugins, and collects what goes into files of its own. metal: whether there is any of the kind
-    that Mitsuba lacks.
+    """Writes plugins, and collects what goes into files of its own. microfacets: whether there
+    are any, which Mitsuba masks in another way.
     """
 
     stem: str
     images: dict[str, Array] = field(default_factory=dict[str, Array])
     meshes: dict[str, bytes] = field(default_factory=dict[str, bytes])
-    metal: bool = False
+    microfacets: bool = False
 
     def plugin(self, plugin: Plugin, name: str | None) -> list[str]:
         if plugin.kind == "penumbra_conductor":
             return self.plugin(self._metal(plugin), name)
+        if plugin.kind == "penumbra_dielectric":
+            return self.plugin(self._glass(plugin), name)
         kind, values = plugin.kind, dict(plugin.values)
         if kind == "mesh":
             kind, values = "ply", self._mesh(values)
@@ -169,10 +174,16 @@ class _Writer:
         return {"filename": file, "face_normals": True, **values}
 
     def _metal(self, plugin: Plugin) -> Plugin:
-        self.metal = True
+        self.microfacets = True
         indices = {name: np.array([plugin.values[f"{name}{c}"] for c in range(3)]) for name in ("eta", "k")}
         values = {"distribution": "ggx", "alpha": plugin.values["alpha"], **indices}
         return Plugin("bsdf", "twosided", {"one": Plugin("bsdf", "roughconductor", values)})
+
+    def _glass(self, plugin: Plugin) -> Plugin:
+        self.microfacets = True
+        indices = {"int_ior": plugin.values["eta"], "ext_ior": 1.0}
+        values = {"distribution": "ggx", "alpha": plugin.values["alpha"], **indices}
+        return Plugin("bsdf", "roughdielectric", values)
 
 
 def _value(name: str, value: Any) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.materials import Conductor, Diffuse
+from scenes.description.materials import Conductor, Dielectric, Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Emission, ShapeDescription
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product
@@ -59,6 +59,11 @@ def _(value: Diffuse, c: int) -> Diffuse:
 @_channel.register
 def _(value: Conductor, c: int) -> Conductor:
     return replace(value, eta=_channel(value.eta, c), k=_channel(value.k, c))
+
+
+@_channel.register
+def _(value: Dielectric, c: int) -> Dielectric:
+    return value
 
 
 @_channel.register

@@ -1,14 +1,14 @@
-"""`Material` and `MakeNamedMaterial`: diffuse and rough conductors, as pbrt-v4 reads them."""
+"""`Material` and `MakeNamedMaterial`: diffuse surfaces, metals and glass, as pbrt-v4 reads them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.materials import Conductor, Dielectric, Diffuse, Material
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.textures import named_texture
 from scenes.pbrt.spectra import colour, colour_of, samples, spectrum_name
@@ -25,7 +25,12 @@ from scenes.pbrt.text.parameters import Parameter, Parameters
 
 Array = NDArray[np.float64]
 
-SMOOTH = 1e-3  # below this alpha pbrt-v4 reflects like a perfect mirror
+SMOOTH = 1e-3  # below this alpha pbrt-v4 takes a surface for smooth
+# pbrt's glasses by their index at 587.6 nm, as Schott's catalogue has it.
+GLASSES = {
+    "glass-BK7": 1.5168, "glass-BAF10": 1.67003, "glass-FK51A": 1.48656, "glass-LASF9": 1.85025,
+    "glass-F5": 1.60342, "glass-SF5": 1.67271, "glass-SF10": 1.72825, "glass-SF11": 1.78472,
+}  # fmt: skip
 
 
 def material(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -46,8 +51,8 @@ def make_named_material(builder: Builder, name: str, parameters: Parameters) -> 
 
 
 def _made(kind: str, parameters: Parameters) -> MaterialUse:
-    refuse_kind(kind, "diffuse conductor", parameters)
-    return _diffuse(parameters) if kind == "diffuse" else _conductor(parameters)
+    refuse_kind(kind, " ".join(_KINDS), parameters)
+    return _KINDS[kind](parameters)
 
 
 def _diffuse(parameters: Parameters) -> MaterialUse:
@@ -116,7 +121,7 @@ def _tabulated(parameters: Parameters, parameter: Parameter) -> Array:
 
 
 def _alpha(parameters: Parameters) -> float:
-    """Of the microfacet distribution; the same both ways, and no mirror."""
+    """Of the microfacet distribution, the same both ways; 0 for a surface that pbrt takes for smooth."""
     roughness = parameters.number("roughness", 0.0)
     u, v = parameters.number("uroughness", roughness), parameters.number("vroughness", roughness)
     remap = parameters.flag("remaproughness", True)
@@ -126,24 +131,36 @@ def _alpha(parameters: Parameters) -> float:
     if u != v:
         parameters.unsupported(
             "uroughness",
-            f"uroughness {u:g} and vroughness {v:g} differ: only isotropic conductors are supported",
+            f"uroughness {u:g} and vroughness {v:g} differ: only isotropic microfacets are supported",
         )
     alpha = float(np.sqrt(u)) if remap else u
-    given = next(
-        (name for name in ("roughness", "uroughness", "vroughness") if parameters.given(name)), "roughness"
-    )
-    if alpha >= SMOOTH or given in parameters.refused:
-        return max(alpha, SMOOTH)
-    least = f"{SMOOTH**2 if remap else SMOOTH:g}"
-    shown = f"roughness {u:g}" if parameters.given(given) else "no roughness (pbrt's default is 0)"
-    parameters.unsupported(
-        given,
-        (
-            f"a conductor of {shown} is a perfect mirror, which is not supported: roughness of at least "
-            f"{least} is"
-        ),
-    )
-    return SMOOTH
+    return alpha if alpha >= SMOOTH else 0.0
+
+
+def _dielectric(parameters: Parameters) -> Dielectric:
+    return _glass(parameters, _alpha(parameters), False)
+
+
+def _thin_dielectric(parameters: Parameters) -> Dielectric:
+    return _glass(parameters, 0.0, True)
+
+
+def _glass(parameters: Parameters, alpha: float, thin: bool) -> Dielectric:
+    """eta: a number, or a glass of pbrt's by its name, whose dispersion is left out."""
+    parameter = parameters.take("eta", "float", "spectrum")
+    if parameter is None or parameter.type == "float":
+        eta = parameters.number("eta", 1.5)
+    else:
+        name = spectrum_name(parameter)
+        if name not in GLASSES:
+            allowed = ", ".join(f'"{one}"' for one in GLASSES)
+            raise parameters.fail("eta", f"eta is a number or one of {allowed}")
+        eta = GLASSES[name]
+        message = f"the dispersion of {name} is left out: eta is {eta:g} for all of the spectrum"
+        parameters.note("eta", message)
+    if not eta > 0:
+        raise parameters.fail("eta", f"eta must be positive, not {eta:g}")
+    return Dielectric(eta, alpha, thin)
 
 
 def resolved(use: MaterialUse, builder: Builder) -> Material:
@@ -166,3 +183,11 @@ def _named(name: str, where: Location, materials: Mapping[str, MaterialUse]) -> 
             f"no material is called {name!r}; there are: {', '.join(materials) or 'none'}", where
         )
     return materials[name]
+
+
+_KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
+    "diffuse": _diffuse,
+    "conductor": _conductor,
+    "dielectric": _dielectric,
+    "thindielectric": _thin_dielectric,
+}

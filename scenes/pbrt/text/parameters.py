@@ -105,6 +105,10 @@ class Parameters:
         """Report what `name` asks for as not simulated, and go on."""
         self._report.add(message, self.located(name))
 
+    def note(self, name: str, message: str) -> None:
+        """Note where `name` makes the image differ from pbrt's."""
+        self._report.note(message, self.located(name))
+
     def number(self, name: str, default: float) -> float:
         """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a
         hash would.

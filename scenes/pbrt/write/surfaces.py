@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.description.materials import Conductor, Material
+from scenes.description.materials import Conductor, Dielectric, Material
 from scenes.description.shapes import Array, Emission
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import PenumbraError
@@ -50,6 +50,10 @@ class Surfaces:
                     'remaproughness" [ false ]'
                 )
             ]
+        if isinstance(material, Dielectric):
+            rough = f' "float roughness" [ {material.alpha!r} ] "bool remaproughness" [ false ]'
+            kind = "thindielectric" if material.thin else "dielectric"
+            return [f'Material "{kind}" "float eta" [ {material.eta!r} ]{"" if material.thin else rough}']
         lines: list[str] = []
         part = self._part("spectrum", "reflectance", material.reflectance, lines)
         return [*lines, f'Material "diffuse" {part}']

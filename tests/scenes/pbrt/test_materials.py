@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenes import color as colours
-from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.materials import Conductor, Dielectric, Diffuse, Material
 from tests.kit.scene_texts import world, world_fails
 
 BALL = ' Shape "sphere"'
@@ -46,6 +46,9 @@ def test_a_diffuse_reflectance_may_be_a_spectrum() -> None:
         ('"float roughness" 0.09 "float vroughness" 0.09', 0.3),
         ('"float roughness" 0.001 "bool remaproughness" false', 0.001),
         ('"float roughness" 1e-6', 0.001),
+        ("", 0.0),  # smooth, as pbrt's default
+        ('"float roughness" 0', 0.0),
+        ('"float roughness" 9e-4 "bool remaproughness" false', 0.0),  # pbrt takes it for smooth
     ],
 )
 def test_roughness_of_a_conductor(parameters: str, alpha: float) -> None:
@@ -92,10 +95,8 @@ def test_named_conductors() -> None:
 @pytest.mark.parametrize(
     ("body", "column", "words"),
     [
-        ('Material "conductor"', 1, ("no roughness (pbrt's default is 0)", "perfect mirror", "1e-06")),
-        ('Material "conductor" "float roughness" 0', 22, ("roughness 0", "perfect mirror", "1e-06")),
-        (('Material "conductor" "float roughness" 9e-4 "bool '
-'remaproughness" false'), 22, ("perfect mirror", "0.001")),
+        ('Material "dielectric" "float eta" 0', 23, ("eta must be positive",)),
+        ('Material "dielectric" "spectrum eta" "glass-XY7"', 23, ('"glass-BK7"', '"glass-SF11"')),
         ('Material "conductor" "float roughness" -1', 22, ("roughness must not be negative",)),
         ('Material "conductor" "float uroughness" .1 "float vroughness" .2', 22, ("only isotropic",)),
         ('Material "conductor" "float uroughness" .1', 22, ("only isotropic",)),
@@ -119,3 +120,29 @@ def test_materials_that_cannot_be_are_refused_where_they_stand(
     body: str, column: int, words: tuple[str, ...]
 ) -> None:
     world_fails(body, 1, column, *words)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('"dielectric"', (1.5, 0.0, False)),
+        ('"dielectric" "float eta" 1.33', (1.33, 0.0, False)),
+        ('"dielectric" "float roughness" 0.25', (1.5, 0.5, False)),
+        (
+            '"dielectric" "float uroughness" 0.2 "float vroughness" 0.2 "bool remaproughness" false',
+            (1.5, 0.2, False),
+        ),
+        ('"thindielectric" "float eta" 1.4', (1.4, 0.0, True)),
+    ],
+)
+def test_glass(text: str, expected: tuple[float, float, bool]) -> None:
+    glass = material_of(f"Material {text}")
+    assert isinstance(glass, Dielectric)
+    assert (glass.eta, glass.alpha, glass.thin) == pytest.approx(expected, rel=1e-15)
+
+
+def test_a_glass_by_its_name_is_noted_to_have_no_dispersion() -> None:
+    scene = world('Material "dielectric" "spectrum eta" "glass-BK7"' + BALL)
+    glass = scene.shapes[0].material
+    assert isinstance(glass, Dielectric) and glass.eta == 1.5168
+    assert len(scene.notes) == 1 and "dispersion of glass-BK7 is left out" in scene.notes[0]

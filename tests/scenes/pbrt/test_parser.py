@@ -136,7 +136,7 @@ def test_shapes_know_where_they_stand() -> None:
         ('Shape "sphere" "integer radius" 1', 1, 16, ('"float radius"',)),
         ('Shape "sphere" "float size" 1', 1, 16, ('"float size"', '"float radius"')),
         ('Shape "sphere" "rgb color" [ 1 1 1 ]', 1, 16, ('"rgb color"', "supported parameters")),
-        ('Material "dielectric"', 1, 1, ('"dielectric"', '"diffuse", "conductor"')),
+        ('Material "hair"', 1, 1, ('"hair"', '"diffuse", "conductor", "dielectric"')),
         ('Material "diffuse" "rgb reflectance" [ .5 .5 ]', 1, 20, ("three numbers, not 2",)),
         ('Material "diffuse" "rgb reflectance" [ .5 -.5 .5 ]', 1, 43, ("negative",)),
         ('Material "diffuse" "rgb reflectance" [ .5 1.5 .5 ]', 1, 20, ("at most 1",)),

@@ -22,7 +22,7 @@ Integrator "volpath" "integer maxdepth" 0
 Accelerator "kdtree" "integer maxprims" 4
 WorldBegin
 LightSource "projection" "string filename" "gone.png"
-MakeNamedMaterial "glass" "string type" "dielectric" "float eta" 1.5
+MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5
 NamedMaterial "glass"
 Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float alpha" 0.5 "float wobble" 3
 Shape "loopsubdiv" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
@@ -80,7 +80,7 @@ def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() ->
         "mitchell",
         "maxdepth is 0",
         "projection",
-        "dielectric",
+        "subsurface",
         ": alpha is",
         "wobble",
         "loopsubdiv",

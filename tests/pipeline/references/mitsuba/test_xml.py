@@ -26,6 +26,7 @@ from scenes.description.shapes import Array, Disk, Emission, ShapeDescription, S
 from scenes.description.textures import Checkerboard, ImageTexture, UVMapping
 from scenes.errors import PenumbraError
 from scenes.images.exr import write_exr
+from scenes.pbrt.parser import parse
 from tests.kit.mitsuba_scenes import floor, look_at, rectangle, scene, shape, vector
 
 X, Y, Z = np.eye(3)
@@ -182,3 +183,21 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, monkeypatc
     )
     assert isinstance(done.exception, PenumbraError) and "No space left" in str(done.exception)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("material", "kind", "noted"),
+    [
+        ('"dielectric" "float eta" 1.4', "dielectric", False),
+        ('"thindielectric" "float eta" 1.4', "thindielectric", False),
+        ('"dielectric" "float roughness" 0.3', "roughdielectric", True),
+        ('"conductor"', "conductor", False),
+    ],
+)
+def test_glass_and_mirrors_are_mitsubas_own_and_their_masking_is_noted(
+    material: str, kind: str, noted: bool
+) -> None:
+    text = f'Camera "perspective"\nWorldBegin\nLightSource "infinite"\nMaterial {material}\nShape "sphere"\n'
+    files = to_xml(parse(text), "ball", 16)
+    assert f'<bsdf type="{kind}"' in files.text
+    assert any("correlated by height" in note for note in files.notes) == noted
