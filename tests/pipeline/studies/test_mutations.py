@@ -95,7 +95,7 @@ def shadow_epsilon(patch: Patch) -> None:
     def lifted(self: Triangles, p: Floats, n: Floats, bound: object) -> Floats:
         return (p + n * 1e-2 - self.center) * self.scale
 
-    patch.setattr(Triangles, "_lifted", lifted)
+    patch.setattr(Triangles, "_offset", lifted)
 
 
 def half_a_pixel_off(patch: Patch) -> None:
