@@ -11,7 +11,7 @@ Update = Callable[[Amount], None]
 
 
 @runtime_checkable
-class Listener(Protocol):
+class Progress(Protocol):
     """Told of steps and of what a reader should know; it shows them or not."""
 
     def step(self, title: str, total: Amount) -> AbstractContextManager[Update]:
@@ -24,7 +24,7 @@ class Listener(Protocol):
 
 
 class Silence:
-    """A listener that shows nothing."""
+    """Progress that shows nothing."""
 
     def step(self, title: str, total: Amount) -> AbstractContextManager[Update]:
         del title, total

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName
-from pipeline.commands.scene import open_scene
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Quiet, SceneName
+from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.references.protocol import ReferenceImage
     from pipeline.studies.agreement import Agreement
     from scenes import SceneDescription
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 NONE = "none"
 
 
+@command(130, ("agreement soft-shadow", "do all estimators agree?"))
 def agreement(
     scene: SceneName,
     estimator: Annotated[
@@ -53,19 +55,19 @@ def agreement(
 
       penumbra agreement touching-light -D gap=0.1 --spp 256 --reference closed-form --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.studies.agreement import agreement as agree
     from renderer.interfaces.estimator import ESTIMATORS
     from scenes.errors import PenumbraError
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
+    console = Console(as_json=as_json, quiet=quiet)
     if not 0 < alpha < 1:
         raise PenumbraError(f"--alpha is {alpha:g}: give a chance between 0 and 1")
     if threads < 1:
         raise PenumbraError(f"threads is {threads}: give at least 1")
-    description = open_scene(scene, define, speaker)
-    truth = None if backend == NONE else _reference(description, backend, reference_spp, cache, speaker)
-    with speaker.step(f"render {scene}", len(estimator or ESTIMATORS.names())) as update:
+    description = open_scene(scene, define, console)
+    truth = None if backend == NONE else _reference(description, backend, reference_spp, cache, console)
+    with console.step(f"render {scene}", len(estimator or ESTIMATORS.names())) as update:
         found = agree(
             description,
             estimators=estimator,
@@ -76,13 +78,13 @@ def agreement(
             reference=truth,
             update=update,
         )
-    _tell(speaker, found)
+    _tell(console, found)
     if not found.agree:
         raise typer.Exit(1)
 
 
 def _reference(
-    scene: SceneDescription, asked: str | None, spp: int, cache: Path | None, speaker: Speaker
+    scene: SceneDescription, asked: str | None, spp: int, cache: Path | None, console: Console
 ) -> tuple[str, ReferenceImage] | None:
     """The reference; None with a note where Mitsuba was not asked for and cannot make one: the estimators
     have each other.
@@ -97,22 +99,22 @@ def _reference(
     if why := refusal(BACKENDS[backend], scene, "radiance"):
         if asked:
             raise PenumbraError(f"scene {scene.name}: no {backend} reference: {why}")
-        speaker.note(f"no {backend} reference: {why}")
+        console.note(f"no {backend} reference: {why}")
         return None
     if spp < 64:
         raise PenumbraError(f"--reference-spp is {spp}: at least 64, one for each batch")
-    with speaker.step(f"reference by {backend}", 1) as update:
+    with console.step(f"reference by {backend}", 1) as update:
         request = ReferenceRequest(spp=spp, batches=64)
         return backend, reference_for(scene, backend, request, cache or default_cache(), update).image
 
 
-def _tell(speaker: Speaker, found: Agreement) -> None:
-    speaker.json(found.model_dump(mode="json"))
+def _tell(console: Console, found: Agreement) -> None:
+    console.json(found.model_dump(mode="json"))
     members = [
         (m.name, m.verdict, "-" if m.verdict == "refused" else f"{m.mean:.6g} +- {m.se:.2g}", m.reason)
         for m in found.members
     ]
-    speaker.table(
+    console.table(
         ("estimator", "samples", "image mean +- se", "why"), members, f"{found.scene}, {found.spp} spp"
     )
     pairs = [
@@ -128,8 +130,8 @@ def _tell(speaker: Speaker, found: Agreement) -> None:
         for p in found.pairs
     ]
     headings = ("a", "b", "(a - b) / b", "95 % interval", "p", "smallest bias seen", "verdict")
-    speaker.table(headings, pairs, "image means; the verdict also takes 4 x 4 regions")
-    speaker.line(_summary(sum(not p.agree for p in found.pairs), len(found.pairs)))
+    console.table(headings, pairs, "image means; the verdict also takes 4 x 4 regions")
+    console.line(_summary(sum(not p.agree for p in found.pairs), len(found.pairs)))
 
 
 def _summary(different: int, pairs: int) -> str:

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, image_target
-from pipeline.commands.scene import open_scene
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Output, Quiet, SceneName, image_target
+from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from pipeline.baseline.process import Raster
 
 
+@command(60, ("baseline soft-shadow -o cheap.exr", "rasterised, no shadows"))
 def baseline(
     scene: SceneName,
     output: Output,
@@ -36,22 +38,22 @@ def baseline(
     """
     from pipeline.baseline.entry import BIAS
     from pipeline.baseline.process import rasterise
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, description = image_target(output), open_scene(scene, define, speaker)
-    with speaker.step(f"rasterise {scene}", 1) as update:
+    console = Console(as_json=as_json, quiet=quiet)
+    target, description = image_target(output), open_scene(scene, define, console)
+    with console.step(f"rasterise {scene}", 1) as update:
         (drawn,) = rasterise([description])
         update(1)
     _write(target, drawn, description.content_hash())
     height, width = drawn.depth.shape
     device = drawn.provenance["device"]
-    speaker.line(
+    console.line(
         f"{target}: {width} x {height} by pyrender on {device}; {drawn.seconds:.4f} s drawn, "
         f"{drawn.seconds_process:.1f} s with its start"
     )
-    speaker.line(BIAS)
-    speaker.json(
+    console.line(BIAS)
+    console.json(
         {
             "output": str(target),
             "scene": scene,

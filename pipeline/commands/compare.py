@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Quiet, definitions
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Quiet, definitions
 
 if TYPE_CHECKING:
     from pipeline.schema.record import Score
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 UNKNOWN_BATCHES = 2  # behind a variance that was given: sampled, from at least so many
 
 
+@command(70, ("compare out.exr reference.exr", "errors with their intervals"))
 def compare(
     image: Annotated[Path, typer.Argument(metavar="A.exr", help="The image under test.")],
     truth: Annotated[
@@ -58,27 +60,31 @@ def compare(
 
       penumbra compare theirs.exr pbrt.exr --reference-variance pbrt-variance.exr --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.scoring.metric import METRICS
     from pipeline.scoring.scores import score
+    from scenes.errors import PenumbraError
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    limits = definitions(limit)
+    console = Console(as_json=as_json, quiet=quiet)
+    limits = definitions(limit, "--limit", "relmse=0.01")
+    if unknown := [name for name in limits if name not in METRICS.names()]:
+        there = ", ".join(METRICS.names())
+        raise PenumbraError(f"--limit {unknown[0]}: there is no such metric; there are: {there}")
     names = list(dict.fromkeys([*(metric or METRICS.names()), *limits]))
     entries = {name: METRICS[name] for name in names}
     estimate, (reference, what) = _estimate(image), _reference(truth, reference_variance)
     scores = {name: found.score for name, found in score(estimate, reference, names).items()}
-    speaker.note(f"{truth}: {what}")
+    console.note(f"{truth}: {what}")
     warnings = _warnings(image, truth)
     for warning in warnings:
-        speaker.note(f"warning: {warning}")
+        console.note(f"warning: {warning}")
     rows = [
         (name, entries[name].title, entries[name].unit, *_cells(found, entries[name].better))
         for name, found in scores.items()
     ]
-    speaker.table(("metric", "what it is", "unit", "value", "95 % interval", "note"), rows)
+    console.table(("metric", "what it is", "unit", "value", "95 % interval", "note"), rows)
     worse = [name for name, value in limits.items() if _worse(scores[name], value, entries[name].better)]
-    speaker.json(
+    console.json(
         {
             "image": str(image),
             "reference": {"image": str(truth), "known": what},
@@ -90,7 +96,7 @@ def compare(
         }
     )
     for name in worse:
-        speaker.note(
+        console.note(
             f"{name}: {_cells(scores[name], entries[name].better)[0]} is worse than the limit "
             f"{limits[name]:g}"
         )

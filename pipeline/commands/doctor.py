@@ -6,9 +6,11 @@ from dataclasses import asdict
 
 import typer
 
-from pipeline.commands.options import AsJson, Quiet
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Quiet
 
 
+@command(150, ("doctor", "what works on this machine"))
 def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Try Mitsuba's variants with their LLVM, Embree, images, EGL, pyrender and a browser, and say what to do
     about each failure.
@@ -22,11 +24,11 @@ def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
 
       penumbra doctor --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.doctor import CHECKS, Part, verdict
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    with speaker.step("checks", len(CHECKS)) as update:
+    console = Console(as_json=as_json, quiet=quiet)
+    with console.step("checks", len(CHECKS)) as update:
         found: list[Part] = []
         for number, check in enumerate(CHECKS, start=1):
             found += check()
@@ -39,10 +41,10 @@ def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
         )
         for item in found
     ]
-    speaker.table(("part", "here", "detail"), rows)
+    console.table(("part", "here", "detail"), rows)
     missing = verdict(found)
-    speaker.json({"parts": [asdict(item) for item in found], "missing": missing})
+    console.json({"parts": [asdict(item) for item in found], "missing": missing})
     for what in missing:
-        speaker.note(f"needed for a run and not working: {what}")
+        console.note(f"needed for a run and not working: {what}")
     if missing:
         raise typer.Exit(1)

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName
-from pipeline.commands.scene import open_scene
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Quiet, SceneName
+from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from renderer import RenderScene
 
 ROUNDS = 5  # interleaved; the median of five is untouched by two disturbances
 ALL = "all of it"
 
 
+@command(90, ("explain soft-shadow --measure", "what is simulated, why, its cost"))
 def explain(
     scene: SceneName,
     define: Define = None,
@@ -43,31 +45,31 @@ def explain(
 
       penumbra explain touching-light --measure --spp 64
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from renderer import build
     from renderer.plan.plan import make_plan
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    built = build(open_scene(scene, define, speaker))
+    console = Console(as_json=as_json, quiet=quiet)
+    built = build(open_scene(scene, define, console))
     decisions = make_plan(built).decisions
     idle = list(dict.fromkeys(d.pruning for d in decisions if not d.needed))
-    found = _measure(built, idle, estimator, spp, speaker) if measure else {}
+    found = _measure(built, idle, estimator, spp, console) if measure else {}
     rows = [(d.effect, "simulated" if d.needed else "left out", d.reason) for d in decisions]
     if measure:
         rows = [(*row, *_times(found, d.pruning, d.needed)) for row, d in zip(rows, decisions, strict=True)]
         rows.append((ALL, "", "every pruning against none", *_times(found, ALL, needed=False)))
     columns = ("CPU ms, left out", "CPU ms, simulated", "same image") if measure else ()
-    speaker.table(("effect", "decision", "reason", *columns), rows)
+    console.table(("effect", "decision", "reason", *columns), rows)
     effects: list[dict[str, Any]] = [
         {"effect": d.effect, "needed": d.needed, "reason": d.reason, "pruning": d.pruning} for d in decisions
     ]
-    speaker.json({"scene": scene, "effects": effects, "measured": found})
+    console.json({"scene": scene, "effects": effects, "measured": found})
     if any(not item["same_image"] for item in found.values()):
         raise typer.Exit(1)
 
 
 def _measure(
-    built: RenderScene, prunings: list[str], estimator: str, spp: int, speaker: Speaker
+    built: RenderScene, prunings: list[str], estimator: str, spp: int, console: Console
 ) -> dict[str, dict[str, Any]]:
     """Median CPU seconds of the passes with every pruning, and with one of them (or all) not made; rounds are
     interleaved.
@@ -84,7 +86,7 @@ def _measure(
     }
     seconds: dict[str, list[float]] = {name: [] for name in variants}
     images: dict[str, Any] = {}
-    with speaker.step("measure", (ROUNDS + 1) * len(variants)) as update:
+    with console.step("measure", (ROUNDS + 1) * len(variants)) as update:
         for turn in range(ROUNDS + 1):  # the first round warms up
             for number, (name, keep) in enumerate(variants.items(), start=1):
                 result = render(built, estimator=estimator, spp=spp, keep=keep)

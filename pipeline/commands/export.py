@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import Define, SceneName, definitions
+from pipeline.console.command import command
+from pipeline.console.options import Define, SceneName, definitions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,6 +28,7 @@ class Target(StrEnum):
     MITSUBA = "mitsuba"
 
 
+@command(100, ("export touching-light -D gap=0.001 -o gap.pbrt", ""))
 def export(
     scene: SceneName,
     to: Annotated[Target, typer.Option("--to", help="Whose format.")] = Target.PBRT,

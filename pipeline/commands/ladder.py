@@ -8,9 +8,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Quiet
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Quiet
 
 
+@command(120, ("ladder", "a light comes down on a floor"))
 def ladder(
     light: Annotated[
         str | None, typer.Option(help="One light only: rectangle, disk, sphere or triangle.")
@@ -29,12 +31,12 @@ def ladder(
 
       penumbra ladder --light rectangle --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.studies.ladder import LIGHTS, climb
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
+    console = Console(as_json=as_json, quiet=quiet)
     rows = list(climb([light] if light else tuple(LIGHTS), samples, seed))
-    speaker.json([row.model_dump(mode="json") for row in rows])
+    console.json([row.model_dump(mode="json") for row in rows])
     cells = [
         (
             r.light,
@@ -48,7 +50,7 @@ def ladder(
         )
         for r in rows
     ]
-    speaker.table(("light", "geometry", "estimator", "h", "truth", "mean +- se", "verdict", "why"), cells)
+    console.table(("light", "geometry", "estimator", "h", "truth", "mean +- se", "verdict", "why"), cells)
 
 
 def _estimate(verdict: str, mean: float | None, se: float | None) -> str:

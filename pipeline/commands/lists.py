@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson
+from pipeline.console.command import command
+from pipeline.console.options import AsJson
 
 if TYPE_CHECKING:
     from scenes.pbrt.text.template import TemplateParameter
@@ -15,6 +16,7 @@ Row = dict[str, Any]
 KINDS = ("scenes", "estimators", "samplers", "metrics", "backends", "sweeps")
 
 
+@command(140, ("list scenes", "estimators, samplers, metrics ..."), name="list")
 def list_names(
     kind: Annotated[str, typer.Argument(metavar="KIND", help=f"One of: {', '.join(KINDS)}.")],
     as_json: AsJson = False,
@@ -27,19 +29,19 @@ def list_names(
 
       penumbra list sweeps --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
 
-    speaker = Speaker(as_json=as_json)
+    console = Console(as_json=as_json)
     rows = _rows(kind)
-    speaker.json(rows)
+    console.json(rows)
     if kind == "scenes":
         cells = [
             (row["name"], row["title"], "\n".join(_parameter(p) for p in row["parameters"])) for row in rows
         ]
-        speaker.table(("scene", "what it is", "parameters: -D name=value"), cells)
+        console.table(("scene", "what it is", "parameters: -D name=value"), cells)
     else:
         headings = list(rows[0])
-        speaker.table(headings, [[str(row[name]) for name in headings] for row in rows])
+        console.table(headings, [[str(row[name]) for name in headings] for row in rows])
 
 
 def _rows(kind: str) -> list[Row]:

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, image_target
-from pipeline.commands.scene import open_scene
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Quiet, SceneName, image_target
+from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
     from pipeline.preview.samples import Tried
     from scenes import SceneDescription
 
 
+@command(110, ("preview soft-shadow -o preview.png --pixel 150,180", ""))
 def preview(
     scene: SceneName,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Where to write: .png.")],
@@ -48,7 +50,7 @@ def preview(
 
       penumbra preview touching-light -o area.png -D gap=0.1 --estimator hemisphere --spp 100
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.extras import require_extra
     from pipeline.preview.drawing import REMEDY, draw, off_screen
     from pipeline.preview.samples import try_pixel
@@ -56,18 +58,18 @@ def preview(
     from renderer import build
     from scenes.errors import PenumbraError
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
+    console = Console(as_json=as_json, quiet=quiet)
     target = image_target(output)
     if target.suffix != ".png":
         raise PenumbraError(f"{target}: a preview is a .png")
-    description = open_scene(scene, define, speaker)
+    description = open_scene(scene, define, console)
     place = _pixel(pixel, description)
     require_extra("preview")
     how = off_screen()
     if not how.works:
         raise PenumbraError(f"no picture can be drawn off screen here: {how.detail}; {REMEDY}")
     chosen = estimator or description.defaults.estimator or "mis"
-    with speaker.step(f"preview {scene}", 3) as update:
+    with console.step(f"preview {scene}", 3) as update:
         built = build(description)
         low, high = extent_of(built)
         tried = try_pixel(
@@ -77,8 +79,8 @@ def preview(
         view = look(built, place, tried, chosen)
         update(2)
         draw(built, view, tried, _title(scene, place, chosen, spp, tried), target, how)
-    speaker.line(f"{target}: pixel {place[0]},{place[1]} by {chosen}, {_outcome(tried)}")
-    speaker.json({"output": str(target), "pixel": list(place), "estimator": chosen, **_counts(tried)})
+    console.line(f"{target}: pixel {place[0]},{place[1]} by {chosen}, {_outcome(tried)}")
+    console.json({"output": str(target), "pixel": list(place), "estimator": chosen, **_counts(tried)})
 
 
 def _pixel(text: str | None, scene: SceneDescription) -> tuple[int, int]:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName, image_target
-from pipeline.commands.scene import open_scene
-from pipeline.references import default_cache as default_cache
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Quiet, SceneName, image_target
+from pipeline.console.scene import open_scene
+from pipeline.references import default_cache
 
 if TYPE_CHECKING:
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.references.cache import StoredReference
     from pipeline.references.protocol import ReferenceRequest
     from scenes import SceneDescription
@@ -22,6 +23,7 @@ SPP = 1024
 FIRST_SPP = 4  # a batch, to begin with, where the samples follow from a target
 
 
+@command(50, ("reference soft-shadow -o reference.exr --spp 1024", ""))
 def reference(
     scene: SceneName,
     output: Annotated[
@@ -69,15 +71,15 @@ def reference(
 
       penumbra reference touching-light --backend closed-form -D gap=0.001
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, description = image_target(output) if output else None, open_scene(scene, define, speaker)
+    console = Console(as_json=as_json, quiet=quiet)
+    target, description = image_target(output) if output else None, open_scene(scene, define, console)
     request = _request(description, spp, target_se, batches, seed, quantity)
-    stored = _make(speaker, scene, description, backend, request, cache or default_cache())
+    stored = _make(console, scene, description, backend, request, cache or default_cache())
     if target:
         _copy(stored, target)
-    _tell(speaker, stored, request, target)
+    _tell(console, stored, request, target)
 
 
 def _request(
@@ -113,16 +115,16 @@ def _request(
 
 
 def _make(
-    speaker: Speaker, name: str, scene: SceneDescription, backend: str, request: ReferenceRequest, cache: Path
+    console: Console, name: str, scene: SceneDescription, backend: str, request: ReferenceRequest, cache: Path
 ) -> StoredReference:
     from pipeline import backends  # registers them all
     from pipeline.references.cache import reference_for
 
     try:
-        with speaker.step(f"{backend} {name}", 1) as update:
+        with console.step(f"{backend} {name}", 1) as update:
             return reference_for(scene, backends.BACKENDS[backend].name, request, cache, update)
     except KeyboardInterrupt:
-        speaker.note(f"stopped: finished batches are kept in {cache}; the same command goes on from there")
+        console.note(f"stopped: finished batches are kept in {cache}; the same command goes on from there")
         raise typer.Exit(STOPPED) from None
 
 
@@ -139,7 +141,7 @@ def _copy(stored: StoredReference, target: Path) -> None:
         shutil.copyfile(stored.path, draft)
 
 
-def _tell(speaker: Speaker, stored: StoredReference, request: ReferenceRequest, target: Path | None) -> None:
+def _tell(console: Console, stored: StoredReference, request: ReferenceRequest, target: Path | None) -> None:
     import math
 
     from pipeline.references.accumulator import TAIL, precision
@@ -151,20 +153,20 @@ def _tell(speaker: Speaker, stored: StoredReference, request: ReferenceRequest, 
     how = f"{image.spp} spp in {image.batches} batches" if sampled else "no samples"
     drawn = f"{image.spp - stored.kept} of them new" if stored.fresh else "all of them kept"
     took = f", {drawn}" if sampled else "" if stored.fresh else ", kept"
-    speaker.line(
+    console.line(
         f"{stored.path}: {stored.backend}, {request.quantity}, {how}{took}, {image.seconds:.1f} s in all"
     )
     what = "standard error" if sampled else "error bound"
     goal = "" if request.target is None else f" (target {request.target:g} and {TAIL * request.target:g})"
-    speaker.line(
+    console.line(
         f"relative {what}: median {found.median:.2g}, 99th percentile {found.p99:.2g} of pixels{goal}; rms "
         f"{error:.3g} absolute"
     )
     if stored.backend == "self":
-        speaker.line("made by the renderer's own estimator: no independent check of it")
+        console.line("made by the renderer's own estimator: no independent check of it")
     if target:
-        speaker.line(str(target))
-    speaker.json(_figures(stored, request, target, {"median": found.median, "p99": found.p99}, error))
+        console.line(str(target))
+    console.json(_figures(stored, request, target, {"median": found.median, "p99": found.p99}, error))
 
 
 def _figures(

@@ -6,17 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Output, Quiet, SceneName, image_target
-from pipeline.commands.scene import open_scene
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Output, Quiet, SceneName, image_target
+from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
+    from pipeline.run.job import JobResult
     from pipeline.schema.record import Job
-    from renderer import RenderResult
 
 
+@command(40, ("render soft-shadow -o out.exr --estimator solid-angle --spp 64", ""))
 def render(
     scene: SceneName,
     output: Output,
@@ -45,31 +47,21 @@ def render(
 
       penumbra render touching-light -o gap.png -D gap=0.001 --sampler sobol --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
+    from pipeline.run.job import ReadScene, build_scene, run_job
     from pipeline.schema.record import Job
-    from renderer import render as render_scene
     from scenes.errors import PenumbraError
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    target, description = image_target(output), open_scene(scene, define, speaker)
+    console = Console(as_json=as_json, quiet=quiet)
+    target, description = image_target(output), open_scene(scene, define, console)
     given = description.defaults
     estimator = estimator or given.estimator or "mis"
     sampler = given.sampler if sampler is None else sampler
     spp, seed = given.spp if spp is None else spp, given.seed if seed is None else seed
     if threads < 1:
         raise PenumbraError(f"threads is {threads}: give at least 1")
-    with speaker.step(f"render {scene}", 1) as update:
-        result = render_scene(
-            description,
-            estimator=estimator,
-            sampler=sampler,
-            spp=spp,
-            seed=seed,
-            prune=prune,
-            threads=threads,
-            progress=update,
-        )
-    job = Job(
+    # Not validated here: the renderer says in words of its own which value is wrong.
+    job = Job.model_construct(
         scene=scene,
         parameters=dict(description.parameters),
         estimator=estimator,
@@ -77,24 +69,26 @@ def render(
         spp=spp,
         seed=seed,
     )
-    _write(target, job, description.content_hash(), result)
-    _tell(speaker, target, job, result)
+    with console.step(f"render {scene}", 1) as update:
+        built = build_scene(ReadScene(description, description.content_hash(), 0.0))
+        done = run_job(job, built, prune=prune, threads=threads, progress=update)
+    _write(target, done)
+    _tell(console, target, done)
 
 
-def _write(target: Path, job: Job, scene_hash: str, result: RenderResult) -> None:
-    from pipeline.run.job import statistics
-    from pipeline.store.provenance import provenance
+def _write(target: Path, done: JobResult) -> None:
     from scenes.images.exr import write_estimate_exr, write_png
 
+    record, result = done.record, done.render
     if target.suffix == ".png":
         write_png(target, result.image)
         return
     metadata = {
-        "job": job.model_dump_json(),
-        "scene": scene_hash,
-        "provenance": provenance().model_dump_json(),
-        "independent": str(_independent(job)),
-        "verdict": statistics(result).verdict,
+        "job": record.job.model_dump_json(),
+        "scene": record.scene_hash,
+        "provenance": record.provenance.model_dump_json(),
+        "independent": str(_independent(record.job)),
+        "verdict": record.statistics.verdict,
     }
     write_estimate_exr(target, result.image, result.variance, result.film.count, metadata)
 
@@ -108,19 +102,18 @@ def _independent(job: Job) -> bool:
     return SAMPLERS[job.sampler].independent
 
 
-def _tell(speaker: Speaker, target: Path, job: Job, result: RenderResult) -> None:
-    from pipeline.run.job import decisions, statistics
-
-    found = statistics(result)
+def _tell(console: Console, target: Path, done: JobResult) -> None:
+    record, result = done.record, done.render
+    job, found = record.job, record.statistics
     seconds = result.seconds
-    speaker.line(
+    console.line(
         f"{target}: {result.image.shape[1]} x {result.image.shape[0]}, {job.estimator}, {job.sampler}, "
         f"{job.spp} spp, seed {job.seed}; {seconds.render:.3f} s, {result.rays.primary:,} primary and "
         f"{result.rays.shadow:,} shadow rays"
     )
     noise = f"noise {found.noise:.3g} (rms standard error of independent samples); " if job.spp > 1 else ""
-    speaker.line(f"{noise}samples {found.verdict}: {found.reason}")
-    speaker.json(
+    console.line(f"{noise}samples {found.verdict}: {found.reason}")
+    console.json(
         {
             "output": str(target),
             "job": job.model_dump(),
@@ -133,6 +126,6 @@ def _tell(speaker: Speaker, target: Path, job: Job, result: RenderResult) -> Non
             },
             "rays": {"primary": result.rays.primary, "shadow": result.rays.shadow},
             "statistics": found.model_dump(),
-            "plan": [item.model_dump() for item in decisions(result)],
+            "plan": [item.model_dump() for item in record.plan],
         }
     )

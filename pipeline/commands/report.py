@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Quiet
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Quiet
 
 
+@command(30, ("report runs/first", "from what the run left"))
 def report(
     run: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run, finished or not.")],
     out: Annotated[
@@ -25,16 +27,16 @@ def report(
 
       penumbra report runs/demo
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.store.run_folder import load_run
     from reports import write_report
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    with speaker.step("report", 1) as update:
+    console = Console(as_json=as_json, quiet=quiet)
+    with console.step("report", 1) as update:
         page = write_report(run, out or run / "report")
         update(1)
     missing = sum(study.missing for study in load_run(run).studies)
     if missing:
-        speaker.note(f"{missing} images of this run are missing; the report names them")
-    speaker.line(str(page))
-    speaker.json({"report": str(page), "missing": missing})
+        console.note(f"{missing} images of this run are missing; the report names them")
+    console.line(str(page))
+    console.json({"report": str(page), "missing": missing})

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.commands.options import AsJson, Quiet
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Quiet
 
 if TYPE_CHECKING:
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.run.driver import Summary
 
 STOPPED = 130
@@ -29,6 +30,11 @@ Workers = Annotated[
 ]
 
 
+@command(
+    20,
+    ("run soft-shadow-samples --out runs/first", "a built-in sweep"),
+    ("run my-sweep.toml --out runs/mine --workers 2", "one of your own"),
+)
 def run(
     sweep: Annotated[
         str,
@@ -50,16 +56,17 @@ def run(
       penumbra run my-sweep.toml --out runs/mine --workers 2 && penumbra report runs/mine
     """
     start = time.perf_counter()
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    summary = _run(sweep, out, workers, speaker)
-    _tell(speaker, summary, out, time.perf_counter() - start)
-    speaker.line(f"penumbra report {out}  makes the report of it")
-    speaker.json(_figures(summary, out, time.perf_counter() - start))
+    console = Console(as_json=as_json, quiet=quiet)
+    summary = _run(sweep, out, workers, console)
+    _tell(console, summary, out, time.perf_counter() - start)
+    console.line(f"penumbra report {out}  makes the report of it")
+    console.json(_figures(summary, out, time.perf_counter() - start))
     _exit(summary)
 
 
+@command(10, ("demo", "the main job, with its report"))
 def demo(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the run.")] = Path(
         "runs/demo"
@@ -78,22 +85,22 @@ def demo(
       penumbra demo --out /tmp/demo --workers 2
     """
     start = time.perf_counter()
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from reports import write_report
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
-    summary = _run(DEMO, out, workers, speaker)
-    with speaker.step("report", 1) as update:
+    console = Console(as_json=as_json, quiet=quiet)
+    summary = _run(DEMO, out, workers, console)
+    with console.step("report", 1) as update:
         page = write_report(out, out / "report")
         update(1)
     seconds = time.perf_counter() - start
-    _tell(speaker, summary, out, seconds)
-    speaker.line(str(page))
-    speaker.json(_figures(summary, out, seconds) | {"report": str(page)})
+    _tell(console, summary, out, seconds)
+    console.line(str(page))
+    console.json(_figures(summary, out, seconds) | {"report": str(page)})
     _exit(summary)
 
 
-def _run(sweep: str, out: Path, workers: int | None, speaker: Speaker) -> Summary:
+def _run(sweep: str, out: Path, workers: int | None, console: Console) -> Summary:
     from pipeline.run.driver import run_sweep
     from pipeline.run.executors.local import LocalExecutor
     from pipeline.schema.sweep import load_sweep
@@ -101,9 +108,9 @@ def _run(sweep: str, out: Path, workers: int | None, speaker: Speaker) -> Summar
     declared = load_sweep(sweep)
     try:
         with LocalExecutor(_cores() if workers is None else workers) as executor:
-            return run_sweep(sweep, declared, out, executor, speaker)
+            return run_sweep(sweep, declared, out, executor, console)
     except KeyboardInterrupt:
-        speaker.note(f"stopped: what was finished is kept in {out}; the same command goes on from there")
+        console.note(f"stopped: what was finished is kept in {out}; the same command goes on from there")
         raise typer.Exit(STOPPED) from None
 
 
@@ -112,11 +119,11 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _tell(speaker: Speaker, summary: Summary, out: Path, seconds: float) -> None:
+def _tell(console: Console, summary: Summary, out: Path, seconds: float) -> None:
     made = ", ".join(f"{count} {name}" for name, count in summary.made.items())
-    speaker.line(f"{out}: {summary.cells} cells; made now: {made}; {seconds:.1f} s")
+    console.line(f"{out}: {summary.cells} cells; made now: {made}; {seconds:.1f} s")
     for failure in summary.failures:
-        speaker.problem(f"failed: {failure}")
+        console.problem(f"failed: {failure}")
 
 
 def _figures(summary: Summary, out: Path, seconds: float) -> dict[str, object]:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.commands.options import AsJson, Define, Quiet, SceneName
-from pipeline.commands.scene import open_scene
+from pipeline.console.command import command
+from pipeline.console.options import AsJson, Define, Quiet, SceneName
+from pipeline.console.scene import open_scene
 from pipeline.references import default_cache
 
 if TYPE_CHECKING:
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.references.cache import StoredReference
     from pipeline.studies.verify import Trial, Verification
     from scenes import SceneDescription
@@ -22,6 +23,7 @@ AT_LEAST = 1024  # samples a pixel of a reference
 TIMES = 16  # the samples of the render, so that the reference's noise is a small part of the comparison's
 
 
+@command(80, ("verify soft-shadow --estimator area", "is it unbiased?"))
 def verify(
     scene: SceneName,
     estimator: Annotated[str, typer.Option(help="See `penumbra list estimators`.")],
@@ -68,33 +70,33 @@ def verify(
 
       penumbra verify touching-light --estimator area -D gap=0.001 --reference closed-form --json
     """
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from pipeline.studies.verify import Trial, region_masks
     from pipeline.studies.verify import verify as run
     from renderer import build
     from renderer.interfaces.estimator import ESTIMATORS
     from scenes.errors import PenumbraError
 
-    speaker = Speaker(as_json=as_json, quiet=quiet)
+    console = Console(as_json=as_json, quiet=quiet)
     if correction not in ("sidak", "bh"):
         raise PenumbraError(f"unknown correction {correction!r}; allowed: sidak, bh")
     trial = Trial(estimator, sampler, spp, seed, alpha, bias, correction)  # pyright: ignore[reportArgumentType]
-    description = open_scene(scene, define, speaker)
+    description = open_scene(scene, define, console)
     why = ESTIMATORS[estimator].refuses(description)
     if why:
         raise PenumbraError(f"estimator {estimator!r} does not apply to scene {scene!r}: {why}")
     built, threads = build(description), os.cpu_count() or 1
-    stored = _reference(description, trial, reference, reference_spp, cache or default_cache(), speaker)
+    stored = _reference(description, trial, reference, reference_spp, cache or default_cache(), console)
     parts = region_masks(built, threads)
-    with speaker.step(f"render {scene}", 1) as update:
+    with console.step(f"render {scene}", 1) as update:
         found = run(built, trial, stored.image, parts, threads, update)
-    _tell(speaker, scene, trial, found, stored)
+    _tell(console, scene, trial, found, stored)
     if found.verdict == "biased" or (strict and found.verdict != "unbiased"):
         raise typer.Exit(1)
 
 
 def _reference(
-    scene: SceneDescription, trial: Trial, backend: str, spp: int | None, folder: Path, speaker: Speaker
+    scene: SceneDescription, trial: Trial, backend: str, spp: int | None, folder: Path, console: Console
 ) -> StoredReference:
     """The reference, kept in the folder; PenumbraError where it is made by what it is to judge."""
     from pipeline.backends import BACKENDS
@@ -109,11 +111,11 @@ def _reference(
         raise PenumbraError(why)
     wanted = max(AT_LEAST, TIMES * trial.spp) if spp is None else spp
     quantity: Any = ESTIMATORS[trial.estimator].quantity
-    with speaker.step(f"{backend} {scene.name}", 1) as update:
+    with console.step(f"{backend} {scene.name}", 1) as update:
         return reference_for(scene, backend, ReferenceRequest(wanted, quantity=quantity), folder, update)
 
 
-def _tell(speaker: Speaker, scene: str, trial: Trial, found: Verification, stored: StoredReference) -> None:
+def _tell(console: Console, scene: str, trial: Trial, found: Verification, stored: StoredReference) -> None:
     tests = found.tests
     rows = [
         (
@@ -126,12 +128,12 @@ def _tell(speaker: Speaker, scene: str, trial: Trial, found: Verification, store
         )
         for test in tests
     ]
-    speaker.table(
+    console.table(
         ("test", "comparisons", "p", "worst difference", "bias it would have caught", "result"), rows
     )
-    speaker.line(f"{scene}, {trial.estimator}: {found.verdict}: {found.reason}")
+    console.line(f"{scene}, {trial.estimator}: {found.verdict}: {found.reason}")
     image = stored.image
-    speaker.json(
+    console.json(
         {
             "scene": scene,
             "estimator": trial.estimator,

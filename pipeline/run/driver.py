@@ -11,11 +11,12 @@ from typing import TypeVar
 from pydantic import BaseModel
 
 from pipeline.backends import BACKENDS
-from pipeline.progress import Listener
+from pipeline.progress import Progress
 from pipeline.references.cache import StoredReference, key_for, reference_for, to_info
 from pipeline.references.protocol import ReferenceRequest
 from pipeline.run.executors.protocol import Executor
 from pipeline.run.grid import Cell, SceneVariant, StudyPlan, describe, fair_order, lay_out
+from pipeline.run.job import save_scene
 from pipeline.run.worker import RenderTask, ScoreTask, render_cell, score_cell
 from pipeline.schema.manifest import CellEntry, LeftOut, Manifest, StudyEntry, replaces
 from pipeline.schema.record import Job
@@ -27,6 +28,7 @@ from scenes.errors import PenumbraError
 
 T = TypeVar("T", RenderTask, ScoreTask)
 REFERENCES = "references"
+SCENES = "scenes"
 
 
 @dataclass(frozen=True)
@@ -42,20 +44,20 @@ class Summary:
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
-    """A run under way."""
+class RunContext:
+    """A run under way, and all that its steps share."""
 
     name: str
     sweep: Sweep
     plans: Sequence[StudyPlan]
     store: Store
     executor: Executor
-    listener: Listener
+    progress: Progress
     requests: Mapping[str, ReferenceRequest]
     failures: list[str] = field(default_factory=list[str])
 
 
-def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, listener: Listener) -> Summary:
+def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, progress: Progress) -> Summary:
     """Make what the folder `root` lacks of the sweep; a cell that fails is told in the summary and does not
     stop the others.
 
@@ -67,34 +69,35 @@ def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, listener:
     store = create_store(root)
     left_out = tuple(item for plan in plans for item in plan.left_out)
     for item in left_out:
-        listener.note(describe(item))
-    work = _Work(name, sweep, plans, store, executor, listener, _requests(plans))
+        progress.note(describe(item))
+    context = RunContext(name, sweep, plans, store, executor, progress, _requests(plans))
     with store.locked():
-        manifest = _manifest(work)
+        manifest = _manifest(context)
         _check_folder(store, manifest)
         store.write_manifest(manifest)
-        references = _references(work)
-        cells = _cells(work)
-        scores = _scores(work, references)
+        _hand_on(context)
+        references = _references(context)
+        cells = _cells(context)
+        scores = _scores(context, references)
     fresh = sum(stored.fresh for stored in references.values())
     keys = {cell.key for plan in plans for cell in plan.cells}
     made = {"references": fresh, "cells": cells, "scores": scores}
-    return Summary(len(keys), made, left_out, tuple(work.failures))
+    return Summary(len(keys), made, left_out, tuple(context.failures))
 
 
-def _manifest(work: _Work) -> Manifest:
+def _manifest(context: RunContext) -> Manifest:
     studies = [
         StudyEntry(
             name=plan.study.name,
             cells=[
-                CellEntry(key=cell.key, job=cell.job, score=_score_key(work, plan, cell))
+                CellEntry(key=cell.key, job=cell.job, score=_score_key(context, plan, cell))
                 for cell in plan.cells
             ],
             left_out=list(plan.left_out),
         )
-        for plan in work.plans
+        for plan in context.plans
     ]
-    return Manifest(name=work.name, sweep=work.sweep, studies=studies, provenance=provenance())
+    return Manifest(name=context.name, sweep=context.sweep, studies=studies, provenance=provenance())
 
 
 def _reference_key(plan: StudyPlan, variant: SceneVariant) -> str:
@@ -131,81 +134,103 @@ def _check_folder(store: Store, manifest: Manifest) -> None:
         raise PenumbraError(f"{store.root}: {lost}; name another folder")
 
 
-def _score_key(work: _Work, plan: StudyPlan, cell: Cell) -> str:
+def _score_key(context: RunContext, plan: StudyPlan, cell: Cell) -> str:
     """The content address of a cell's scores: another image, reference, metric or formula gives another."""
     reference = _reference_key(plan, cell.variant)
-    wanted = work.requests[reference]
+    wanted = context.requests[reference]
     return score_key(cell.key, reference, wanted, plan.study.metrics, metrics_fingerprint())
 
 
-def _references(work: _Work) -> dict[str, StoredReference]:
+def _scene_file(store: Store, scene_hash: str) -> Path:
+    return store.scratch / SCENES / scene_hash
+
+
+def _hand_on(context: RunContext) -> None:
+    """Leave every scene, read once, to the workers."""
+    for variant in {v.hash: v for plan in context.plans for v in plan.variants}.values():
+        save_scene(_scene_file(context.store, variant.hash), variant.read)
+
+
+def _references(context: RunContext) -> dict[str, StoredReference]:
     """Every distinct reference of the sweep, by key, made one after the other: each takes the whole
     machine.
     """
-    wanted = {_reference_key(plan, v): (plan, v) for plan in work.plans for v in plan.variants}
+    wanted = {_reference_key(plan, v): (plan, v) for plan in context.plans for v in plan.variants}
     made: dict[str, StoredReference] = {}
-    with work.listener.step("references", len(wanted)) as update:
+    with context.progress.step("references", len(wanted)) as update:
         for key, (plan, variant) in wanted.items():
             done = len(made)
             made[key] = reference_for(
                 variant.scene,
                 plan.study.reference.backend,
-                work.requests[key],
-                work.store.root / REFERENCES,
+                context.requests[key],
+                context.store.root / REFERENCES,
                 lambda share, done=done: update(done + share),
             )
             update(len(made))
     return made
 
 
-def _cells(work: _Work) -> int:
+def _cells(context: RunContext) -> int:
     """Render what is missing; returns how many cells that were."""
-    cells = fair_order(cell for plan in work.plans for cell in plan.cells)
-    missing = [cell for cell in cells if _missing(work, cell.key, work.store.read_cell)]
-    tasks = [RenderTask(work.store.root, cell.key, cell.job, cell.variant.hash) for cell in missing]
-    return _compute(work, "cells", render_cell, tasks, len(cells))
+    cells = fair_order(cell for plan in context.plans for cell in plan.cells)
+    missing = [cell for cell in cells if _missing(context, cell.key, context.store.read_cell)]
+    tasks = [
+        RenderTask(context.store.root, cell.key, cell.job, _scene_file(context.store, cell.variant.hash))
+        for cell in missing
+    ]
+    return _compute(context, "cells", render_cell, tasks, len(cells))
 
 
-def _scores(work: _Work, references: Mapping[str, StoredReference]) -> int:
+def _scores(context: RunContext, references: Mapping[str, StoredReference]) -> int:
     """Score what is rendered and not scored; returns how many cells that were."""
-    tasks = {task.key: task for task in _score_tasks(work, references)}
-    there = [task for task in tasks.values() if (work.store.root / "cells" / task.cell).is_dir()]
-    missing = [task for task in there if _missing(work, task.key, work.store.read_score)]
-    return _compute(work, "scores", score_cell, missing, len(tasks))
+    tasks = {task.key: task for task in _score_tasks(context, references)}
+    there = [task for task in tasks.values() if (context.store.root / "cells" / task.cell).is_dir()]
+    missing = [task for task in there if _missing(context, task.key, context.store.read_score)]
+    return _compute(context, "scores", score_cell, missing, len(tasks))
 
 
-def _score_tasks(work: _Work, references: Mapping[str, StoredReference]) -> Iterator[ScoreTask]:
+def _score_tasks(context: RunContext, references: Mapping[str, StoredReference]) -> Iterator[ScoreTask]:
     """One for each cell of each study, those of one reference together."""
-    root = work.store.root
-    for plan in work.plans:
+    root = context.store.root
+    for plan in context.plans:
         for cell in sorted(plan.cells, key=lambda cell: cell.variant.hash):
             stored = references[_reference_key(plan, cell.variant)]
             metrics = tuple(plan.study.metrics)
             info = to_info(stored, root)
             yield ScoreTask(
-                root, _score_key(work, plan, cell), cell.key, cell.job, metrics, stored.path.parent, info
+                root,
+                _score_key(context, plan, cell),
+                cell.key,
+                cell.job,
+                _scene_file(context.store, cell.variant.hash),
+                metrics,
+                stored.path.parent,
+                info,
             )
 
 
-def _missing(work: _Work, key: str, read: Callable[[str], BaseModel | None]) -> bool:
+def _missing(context: RunContext, key: str, read: Callable[[str], BaseModel | None]) -> bool:
     try:
         return read(key) is None
     except DamagedEntryError as error:
-        work.listener.note(f"{error}; it will be made again")
+        context.progress.note(f"{error}; it will be made again")
         return True
 
 
-def _compute(work: _Work, title: str, function: Callable[[T], str], tasks: Sequence[T], total: int) -> int:
+def _compute(
+    context: RunContext, title: str, function: Callable[[T], str], tasks: Sequence[T], total: int
+) -> int:
     """Compute `tasks`, of `total` items of which the others are there already; returns how many succeeded."""
     done = 0
-    with work.listener.step(title, total) as update:
+    with context.progress.step(title, total) as update:
         update(total - len(tasks))
-        for number, outcome in enumerate(work.executor.map(function, tasks), start=1):
+        for number, outcome in enumerate(context.executor.map(function, tasks), start=1):
             update(total - len(tasks) + number)
             if outcome.failure is None:
                 done += 1
             else:
-                work.failures.append(f"{title}: {_name(outcome.item.job)}: {outcome.failure}")
+                context.failures.append(f"{title}: {_name(outcome.item.job)}: {outcome.failure}")
     return done
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar, cast
 
@@ -12,17 +13,21 @@ import numpy as np
 from pipeline.backends import BACKENDS
 from pipeline.baseline import entry as baseline
 from pipeline.references.protocol import Quantity, ReferenceRequest, refusal
+from pipeline.run.job import ReadScene, read_scene
 from pipeline.schema.manifest import LeftOut
 from pipeline.schema.record import Job
 from pipeline.schema.sweep import Study, Sweep
+from pipeline.scoring.metric import METRICS
 from pipeline.self_reference import judges_itself
 from pipeline.store.keys import cell_key
 from renderer import fingerprint
 from renderer.interfaces.estimator import ESTIMATORS
-from scenes import SceneDescription, load
+from renderer.interfaces.sampler import SAMPLERS
+from scenes import SceneDescription
 from scenes.errors import PenumbraError
 
 T = TypeVar("T")
+Reader = Callable[[str, tuple[tuple[str, float], ...]], ReadScene]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +36,17 @@ class SceneVariant:
 
     name: str
     parameters: dict[str, float]
-    scene: SceneDescription
-    hash: str
+    read: ReadScene
+
+    @property
+    def scene(self) -> SceneDescription:
+        """The description."""
+        return self.read.description
+
+    @property
+    def hash(self) -> str:
+        """The hash of its content."""
+        return self.read.hash
 
     def __str__(self) -> str:
         return " ".join([self.name, *(f"{name}={value:g}" for name, value in self.parameters.items())])
@@ -68,12 +82,35 @@ class StudyPlan:
 
 
 def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
-    """Read every scene of the sweep and lay out its grids; PenumbraError where a scene cannot be read or
-    nothing is left.
+    """Read every scene of the sweep and lay out its grids; PenumbraError where a name is
+    unknown, a scene cannot be read or nothing is left.
 
     source: the sweep's name, for messages.
     """
-    return [_plan(study, f"{source}: study[{i}]") for i, study in enumerate(sweep.study)]
+    problems = list(_unknown_names(sweep))
+    if problems:
+        raise PenumbraError("\n".join(f"{source}: {line}" for line in problems))
+
+    @functools.cache
+    def read(name: str, values: tuple[tuple[str, float], ...]) -> ReadScene:
+        return read_scene(name, dict(values))
+
+    return [_plan(study, f"{source}: study[{i}]", read) for i, study in enumerate(sweep.study)]
+
+
+def _unknown_names(sweep: Sweep) -> Iterator[str]:
+    """One line for each name that no registry knows, under the key path where it stands."""
+    for i, study in enumerate(sweep.study):
+        for key, names, registry in (
+            ("axes.estimator", study.axes.estimator, ESTIMATORS),
+            ("axes.sampler", study.axes.sampler, SAMPLERS),
+            ("metrics", study.metrics, METRICS),
+            ("reference.backend", [study.reference.backend], BACKENDS),
+        ):
+            for name in names:
+                if name not in registry.names():
+                    there = ", ".join(registry.names())
+                    yield f"study[{i}].{key}: unknown {registry.kind} {name!r}; there are: {there}"
 
 
 def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
@@ -85,8 +122,8 @@ def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
     return cast("Quantity", quantities[estimators[0]])
 
 
-def _plan(study: Study, path: str) -> StudyPlan:
-    variants, without_reference = _split(study, list(_variants(study, path)))
+def _plan(study: Study, path: str, read: Reader) -> StudyPlan:
+    variants, without_reference = _split(study, list(_variants(study, path, read)))
     estimators, without_estimator = _applicable(study, variants)
     renderer = fingerprint()
     cells = tuple(
@@ -108,21 +145,22 @@ def describe(item: LeftOut) -> str:
     return f"{item.what} left out for {item.scene}: {item.reason}"
 
 
-def _variants(study: Study, path: str) -> Iterator[SceneVariant]:
+def _variants(study: Study, path: str, read: Reader) -> Iterator[SceneVariant]:
     names, values = list(study.axes.parameters), study.axes.parameters.values()
     for name, point in itertools.product(study.scenes, itertools.product(*values)):
         parameters = dict(zip(names, point, strict=True))
         try:
-            scene = load(name, parameters)
+            found = read(name, tuple(parameters.items()))
         except PenumbraError as error:
             given = ", ".join(f"{key} = {value:g}" for key, value in parameters.items())
             raise PenumbraError(
                 f"{path}: scene {name}{f' with {given}' if given else ''}: {error}"
             ) from error
+        scene = found.description
         lit = scene.lights or any(shape.emission for shape in scene.shapes)
         if not lit and quantity_of(study.axes.estimator, study.name) == "radiance":
             raise PenumbraError(f"{path}: scene {name} has no lights: nothing in it would be lit or seen")
-        yield SceneVariant(name, parameters, scene, scene.content_hash())
+        yield SceneVariant(name, parameters, found)
 
 
 def _split(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[SceneVariant], list[LeftOut]]:

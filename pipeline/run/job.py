@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from pipeline.schema.record import Job, PlanDecision, RayCounts, Record, SampleStatistics, Seconds
 from pipeline.statistics.samples import sample_statistics
@@ -12,7 +14,17 @@ from pipeline.store.keys import cell_key
 from pipeline.store.provenance import provenance
 from renderer import RenderResult, build, fingerprint, render
 from renderer.build import RenderScene
-from scenes import load
+from scenes import SceneDescription, load
+from scenes.files import write_file
+
+
+@dataclass(frozen=True, eq=False)
+class ReadScene:
+    """A scene as it was read, the hash of its content, and the seconds that reading took."""
+
+    description: SceneDescription
+    hash: str
+    seconds_load: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,21 +44,57 @@ class JobResult:
     render: RenderResult
 
 
-def prepare(scene: str, parameters: Mapping[str, float]) -> PreparedScene:
-    """Read and build a scene by library name or path; PenumbraError where it cannot be."""
+def read_scene(name: str, parameters: Mapping[str, float]) -> ReadScene:
+    """Read a scene by library name or path; PenumbraError where it cannot be."""
     start = time.perf_counter()
-    description = load(scene, parameters)
-    seconds = time.perf_counter() - start
-    return PreparedScene(build(description), description.content_hash(), seconds)
+    description = load(name, parameters)
+    return ReadScene(description, description.content_hash(), time.perf_counter() - start)
 
 
-def run_job(job: Job, scene: PreparedScene) -> JobResult:
-    """Render `job` with one thread.
+def save_scene(path: Path, scene: ReadScene) -> None:
+    """Leave a scene to the processes of this run."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_file(path, pickle.dumps(scene))
 
-    The image is a function of the arguments; times and the record's date are not.
+
+def open_scene(path: Path) -> PreparedScene:
+    """Build the scene that `save_scene` left."""
+    read: ReadScene = pickle.loads(path.read_bytes())
+    return build_scene(read)
+
+
+def build_scene(scene: ReadScene) -> PreparedScene:
+    """Build what was read."""
+    return PreparedScene(build(scene.description), scene.hash, scene.seconds_load)
+
+
+def prepare(name: str, parameters: Mapping[str, float]) -> PreparedScene:
+    """Read and build a scene."""
+    return build_scene(read_scene(name, parameters))
+
+
+def run_job(
+    job: Job,
+    scene: PreparedScene,
+    *,
+    prune: bool = True,
+    threads: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> JobResult:
+    """Render `job`: the one way to an image with its record, for commands and for workers.
+
+    The image is a function of `job` and `scene`; times and the record's date are not. PenumbraError as
+    `renderer.render` raises it.
     """
     result = render(
-        scene.built, estimator=job.estimator, sampler=job.sampler, spp=job.spp, seed=job.seed, threads=1
+        scene.built,
+        estimator=job.estimator,
+        sampler=job.sampler,
+        spp=job.spp,
+        seed=job.seed,
+        prune=prune,
+        threads=threads,
+        progress=progress,
     )
     return JobResult(_record(job, scene, result), result)
 
@@ -63,7 +111,7 @@ def _record(job: Job, scene: PreparedScene, result: RenderResult) -> Record:
         seconds=_seconds(scene, result),
         rays=RayCounts(primary=result.rays.primary, shadow=result.rays.shadow),
         statistics=statistics(result),
-        plan=decisions(result),
+        plan=_decisions(result),
         image=f"cells/{key}/image.exr",
         provenance=provenance(),
     )
@@ -94,6 +142,6 @@ def statistics(result: RenderResult) -> SampleStatistics:
     )
 
 
-def decisions(result: RenderResult) -> list[PlanDecision]:
+def _decisions(result: RenderResult) -> list[PlanDecision]:
     """The plan of a render, for its record."""
     return [PlanDecision(effect=d.effect, needed=d.needed, reason=d.reason) for d in result.plan.decisions]

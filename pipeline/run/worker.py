@@ -1,4 +1,4 @@
-"""What a worker process does: render a cell, or score one, and store it.
+"""The tasks of a worker process: it renders a cell, or scores one, and stores it.
 
 Scenes and references are kept between items.
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.baseline.entry import NAME as BASELINE
 from pipeline.references.cache import STATE
-from pipeline.run.job import PreparedScene, prepare, run_job
+from pipeline.run.job import PreparedScene, open_scene, run_job
 from pipeline.run.rasterised import run_baseline
 from pipeline.run.region_maps import region_map
 from pipeline.schema.record import Job, Record, ReferenceInfo, RegionMap, ScoreCard
@@ -36,14 +36,12 @@ REFERENCES_KEPT = 4
 
 @dataclass(frozen=True)
 class RenderTask:
-    """A cell to render into the run folder `root`. scene_hash: what the scene was when the sweep was laid
-    out.
-    """
+    """A cell to render into the run folder `root`. scene: the file that holds it, read once a run."""
 
     root: Path
     key: str
     job: Job
-    scene_hash: str
+    scene: Path
 
 
 @dataclass(frozen=True)
@@ -54,6 +52,7 @@ class ScoreTask:
     key: str
     cell: str
     job: Job
+    scene: Path
     metrics: tuple[str, ...]
     reference: Path
     info: ReferenceInfo
@@ -62,13 +61,12 @@ class ScoreTask:
 def render_cell(task: RenderTask) -> str:
     """Render a cell, warmed up and with one thread, and store it. Returns its key."""
     job = task.job
-    parameters = tuple(job.parameters.items())
-    scene = _scene(job.scene, parameters, task.scene_hash)
+    scene = _scene(task.scene)
     if job.estimator == BASELINE:
         record, film = run_baseline(job, scene)
         tail = np.zeros(0)
     else:
-        _warm_up(job.scene, parameters, task.scene_hash, job.estimator, job.sampler)
+        _warm_up(task.scene, job.estimator, job.sampler)
         result = run_job(job, scene)
         record, film, tail = result.record, result.render.film, result.render.tail
     if record.key != task.key:
@@ -93,22 +91,15 @@ def _store(store: Store, record: Record, film: Film, tail: Floats) -> None:
 
 
 @functools.lru_cache(maxsize=SCENES_KEPT)
-def _scene(name: str, parameters: tuple[tuple[str, float], ...], scene_hash: str) -> PreparedScene:
-    """The scene, built once a worker; its record tells the seconds that this took, also where it is found
-    here.
-    """
-    scene = prepare(name, dict(parameters))
-    if scene.hash != scene_hash:
-        raise PenumbraError(f"scene {name} changed while the run was at work; run it again")
-    return scene
+def _scene(path: Path) -> PreparedScene:
+    """The scene, built once a worker; a record tells the seconds that this took in any case."""
+    return open_scene(path)
 
 
 @functools.cache
-def _warm_up(
-    name: str, parameters: tuple[tuple[str, float], ...], scene_hash: str, estimator: str, sampler: str
-) -> None:
+def _warm_up(scene: Path, estimator: str, sampler: str) -> None:
     """Render once, untimed: the first render pays for imports, page faults and look-up tables."""
-    render(_scene(name, parameters, scene_hash).built, estimator=estimator, sampler=sampler, spp=1, threads=1)
+    render(_scene(scene).built, estimator=estimator, sampler=sampler, spp=1, threads=1)
 
 
 def score_cell(task: ScoreTask) -> str:
@@ -120,7 +111,7 @@ def score_cell(task: ScoreTask) -> str:
     if why:
         raise PenumbraError(why)
     store = Store(task.root)
-    described, regions = _regions(store, task)
+    described, regions = _regions(task)
     reference = _with_umbra(_reference(task.reference, task.info.batches), regions)
     measured = score(_estimate(store, task), reference, task.metrics)
     maps = {name: found.map for name, found in measured.items() if found.map is not None}
@@ -149,14 +140,12 @@ def _estimate(store: Store, task: ScoreTask) -> Estimate:
     return Estimate(film.mean, variance, film.count.astype(np.float64), film.maximum)
 
 
-def _regions(store: Store, task: ScoreTask) -> tuple[RegionMap | None, Regions | None]:
+def _regions(task: ScoreTask) -> tuple[RegionMap | None, Regions | None]:
     """The regions of the cell's picture; none where not light is estimated."""
-    record = store.read_cell(task.cell, verify=False)
     light = task.job.estimator == BASELINE or ESTIMATORS[task.job.estimator].quantity == RADIANCE
-    if record is None or not light:
+    if not light:
         return None, None
-    scene = _scene(task.job.scene, tuple(task.job.parameters.items()), record.scene_hash)
-    return region_map(task.root, scene) or (None, None)
+    return region_map(task.root, _scene(task.scene)) or (None, None)
 
 
 def _with_umbra(reference: Reference, regions: Regions | None) -> Reference:

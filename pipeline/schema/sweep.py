@@ -17,7 +17,7 @@ reference.
     seeds = 3                                # that many replicates, or a list of seeds
     parameters = { gap = [1, 0.1] }          # values of the scene template's $names
 
-Reading checks the shape of the file and the names in it; `pipeline.run.grid` lays out the grid.
+Reading checks the shape of the file; `pipeline.run.grid` looks its names up and lays out the grid.
 """
 
 from __future__ import annotations
@@ -187,36 +187,12 @@ def parse_sweep(text: str, source: str, folder: Path) -> Sweep:
         raise PenumbraError(f"{source}: not valid TOML: {error}") from error
     except ValidationError as error:
         raise PenumbraError("\n".join(f"{source}: {line}" for line in _lines(error))) from error
-    problems = list(_unknown_names(sweep))
-    if problems:
-        raise PenumbraError("\n".join(f"{source}: {line}" for line in problems))
     studies = [study.model_copy(update={"scenes": _resolved(study.scenes, folder)}) for study in sweep.study]
     return sweep.model_copy(update={"study": studies})
 
 
 def _resolved(scenes: Sequence[str], folder: Path) -> list[str]:
     return [str(folder / scene) if scene.endswith(".pbrt") else scene for scene in scenes]
-
-
-def _unknown_names(sweep: Sweep) -> Iterator[str]:
-    """One line for each name that no registry knows, under the key path where it stands."""
-    # Imported here: the registries bring the renderer with them, which a reader of manifests can do without.
-    from pipeline.backends import BACKENDS
-    from pipeline.scoring.metric import METRICS
-    from renderer.interfaces.estimator import ESTIMATORS
-    from renderer.interfaces.sampler import SAMPLERS
-
-    for i, study in enumerate(sweep.study):
-        for key, names, registry in (
-            ("axes.estimator", study.axes.estimator, ESTIMATORS),
-            ("axes.sampler", study.axes.sampler, SAMPLERS),
-            ("metrics", study.metrics, METRICS),
-            ("reference.backend", [study.reference.backend], BACKENDS),
-        ):
-            for name in names:
-                if name not in registry.names():
-                    there = ", ".join(registry.names())
-                    yield f"study[{i}].{key}: unknown {registry.kind} {name!r}; there are: {there}"
 
 
 def _lines(error: ValidationError) -> Iterator[str]:

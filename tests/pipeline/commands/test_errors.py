@@ -50,6 +50,9 @@ MISTAKES = [
     ("reference soft-shadow -o {tmp}/a.exr --backend closed-form", "scene soft-shadow: .*"),
     ("compare {tmp}/no.exr {tmp}/b.exr", r".*no\.exr: no such image file"),
     ("compare {tmp}/file {tmp}/b.exr", ".*file: not a readable EXR image: .*"),
+    ("compare {tmp}/b.exr {tmp}/b.exr --limit relmse=x",
+     "--limit relmse=x: write it as name=number, for example --limit relmse=0.01"),
+    ("compare {tmp}/b.exr {tmp}/b.exr --limit l2=1", "--limit l2: there is no such metric; there are: .*"),
     ("compare {tmp}/b.exr {tmp}/b.exr --metric l2", "unknown metric 'l2'; there are: .*"),
     ("compare {tmp}/b.exr {tmp}/b.exr --reference-variance {tmp}/no.exr", r".*no\.exr: no such image file"),
     ("verify nine --estimator area", "unknown scene 'nine'; .*"),
@@ -106,12 +109,12 @@ def test_a_command_line_that_cannot_be_parsed(penumbra: Penumbra, line: str) -> 
 
 def test_an_error_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Only what the user can mend is told in one line; a bug keeps its traceback."""
-    import renderer
+    import pipeline.run.job
     from pipeline.cli import main
 
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(renderer, "render", broken)
+    monkeypatch.setattr(pipeline.run.job, "render", broken)
     with pytest.raises(ZeroDivisionError):
         main(["render", "touching-light", "-o", str(tmp_path / "a.exr"), *SMALL])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.commands.reference import default_cache
+from pipeline.references import default_cache
 from scenes.images.exr import read_estimate_exr, write_exr
 from tests.pipeline.commands.test_commands import Penumbra, answer, penumbra
 

@@ -12,6 +12,7 @@ import pytest
 
 import pipeline.run.driver
 import pipeline.run.worker
+import scenes.catalog
 from pipeline.references.protocol import BACKENDS
 from pipeline.run.driver import Summary, run_sweep
 from pipeline.schema.sweep import parse_sweep
@@ -232,3 +233,19 @@ def test_a_scene_without_lights_is_refused_before_anything_is_written(tmp_path: 
     with pytest.raises(PenumbraError, match="has no lights: nothing in it would be lit or seen"):
         run(tmp_path / "run", text)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.usefixtures("backend")
+def test_a_scene_is_parsed_once_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two studies of one scene, its cells and its scores: all of them share what was read."""
+    parsed: list[object] = []
+    real = scenes.catalog.parse_file
+
+    def counted(path, *rest):
+        parsed.append(path)
+        return real(path, *rest)
+
+    monkeypatch.setattr(scenes.catalog, "parse_file", counted)
+    second = TINY.split('title = "tiny"')[1].replace('name = "tiny"', 'name = "again"')
+    assert run(tmp_path, TINY + second.replace("seeds = 2", "seeds = 3")).made["cells"] == 12
+    assert len(parsed) == 1

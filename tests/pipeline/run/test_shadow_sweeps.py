@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import scenes
-from pipeline.cli import main
+from examples.penumbra_width import width
+from pipeline.console.command import script
 from pipeline.run.driver import run_sweep
 from pipeline.schema.sweep import Sweep, load_sweep
 from pipeline.store.run_folder import Run, load_run
@@ -64,7 +65,7 @@ def test_the_widths_of_a_run_are_told(penumbra: Path, capsys: pytest.CaptureFixt
     """Exact: by the closed form; of the images: within a tenth where the penumbra is five rows wide or
     more.
     """
-    assert _command("width", str(penumbra)) == 0
+    assert _width(str(penumbra)) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == 4
     for row in rows:
@@ -77,16 +78,16 @@ def test_the_widths_of_a_run_are_told(penumbra: Path, capsys: pytest.CaptureFixt
     assert by_light["2"] == pytest.approx(4 * by_light["0.5"], rel=0.03)
 
 
-def _command(*words: str) -> int:
+def _width(folder: str) -> int:
     try:
-        main([*words, "--json", "--quiet"])
+        script(width, [folder, "--json", "--quiet"])
     except SystemExit as stop:
         return int(stop.code or 0)
     return 0
 
 
 def test_a_run_without_an_edge_has_no_width(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _command("width", str(tmp_path)) == 2
+    assert _width(str(tmp_path)) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 

@@ -75,7 +75,7 @@ def test_a_good_sweep_is_read() -> None:
 def test_a_mistake_is_one_clear_line(old: str, new: str, message: str) -> None:
     assert old in GOOD
     with pytest.raises(PenumbraError) as caught:
-        parse(GOOD.replace(old, new))
+        lay_out(parse(GOOD.replace(old, new)), "file.toml")
     assert str(caught.value).startswith(f"file.toml: {message}")
     assert "\n" not in str(caught.value)
 

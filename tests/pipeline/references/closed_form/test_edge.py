@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import scenes
+from examples.penumbra_width import width_of
 from pipeline.references.backends.closed_form_edge import EdgeBackend
 from pipeline.references.closed_form.edge_image import edge_image, seen_radiance
 from pipeline.references.closed_form.edge_scene import analyse_edge
 from pipeline.references.closed_form.film import film_plane
 from pipeline.references.protocol import BACKENDS, ReferenceRequest
-from pipeline.studies.penumbra_width import width_of
 from renderer import render
 from scenes.description.materials import Diffuse
 from scenes.description.scene import PixelFilter, SceneDescription

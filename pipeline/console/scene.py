@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pipeline.commands.options import definitions
+from pipeline.console.options import definitions
 
 if TYPE_CHECKING:  # not at the start: `penumbra --help` must not wait for rich and NumPy
-    from pipeline.commands.console import Speaker
+    from pipeline.console.console import Console
     from scenes import SceneDescription
 
 
-def open_scene(name: str, define: Sequence[str] | None, speaker: Speaker) -> SceneDescription:
+def open_scene(name: str, define: Sequence[str] | None, console: Console) -> SceneDescription:
     """A scene with its parameters set by `-D`; where its picture is not the one that pbrt makes, a note on
     stderr says so.
 
@@ -22,5 +22,5 @@ def open_scene(name: str, define: Sequence[str] | None, speaker: Speaker) -> Sce
 
     scene = load(name, definitions(define))
     for note in scene.notes:
-        speaker.note(f"{name}: {note}")
+        console.note(f"{name}: {note}")
     return scene

@@ -9,15 +9,17 @@ from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
 
-from rich.console import Console
+from rich.console import Console as RichConsole
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
-    Progress,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
+)
+from rich.progress import (
+    Progress as ProgressBar,
 )
 from rich.table import Table
 
@@ -26,7 +28,7 @@ from pipeline.progress import Amount, Update
 PIPE_WIDTH = 160  # columns where nobody's terminal says how many: long enough for a reason in words
 
 
-class Speaker:
+class Console:
     """The two streams of one command.
 
     Rich leaves colours out where NO_COLOR is set or the stream is no terminal.
@@ -40,7 +42,7 @@ class Speaker:
 
     @contextmanager
     def step(self, title: str, total: Amount) -> Generator[Update]:
-        """A progress bar on stderr, see `Listener.step`."""
+        """A progress bar on stderr, see `Progress.step`."""
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
@@ -48,7 +50,7 @@ class Speaker:
             TimeElapsedColumn(),
             TimeRemainingColumn(),
         )
-        bar = Progress(*columns, console=self._err, disable=self.quiet)
+        bar = ProgressBar(*columns, console=self._err, disable=self.quiet)
         task = bar.add_task(escape(title), total=total)
 
         def update(done: Amount) -> None:
@@ -93,8 +95,8 @@ class Speaker:
             sys.stdout.write(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
 
 
-def _console(stream: Any) -> Console:
-    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH)
+def _console(stream: Any) -> RichConsole:
+    return RichConsole(file=stream, width=None if stream.isatty() else PIPE_WIDTH)
 
 
 def _plain(value: Any) -> Any:

@@ -1,15 +1,19 @@
-"""`penumbra benchmark`: how fast scene text is read."""
+"""How fast scene text is read: python benchmarks/scene_text.py"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
 
+import numpy as np
 import typer
 
-from pipeline.commands.options import AsJson, Quiet
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pipeline.console.command import script
+from pipeline.console.console import Console
+from pipeline.console.options import AsJson, Quiet
+from scenes import load
 
 HEAD = 'Camera "perspective"\nWorldBegin\nLightSource "distant"\n'
 # Bytes of a vertex and of its two triangles, about.
@@ -28,37 +32,28 @@ def benchmark(
 
     Examples:
 
-      penumbra benchmark
+      python benchmarks/scene_text.py
 
-      penumbra benchmark --megabytes 100 --rounds 1 --json
+      python benchmarks/scene_text.py --megabytes 100 --rounds 1 --json
     """
-    import tempfile
-    import time
-    from pathlib import Path
-
-    from pipeline.commands.console import Speaker
-    from scenes import load
-
-    speaker = Speaker(as_json=as_json, quiet=quiet)
+    console = Console(as_json=as_json, quiet=quiet)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "numbers.pbrt"
         _write(path, max(3, round(megabytes * 1e6 / (POINT + FACES))))
         size = path.stat().st_size / 1e6
         best = float("inf")
-        with speaker.step("read", rounds) as update:
+        with console.step("read", rounds) as update:
             for number in range(rounds):
                 start = time.process_time()
                 load(str(path))
                 best = min(best, time.process_time() - start)
                 update(number + 1)
-    speaker.line(f"{size:.1f} MB of numbers read in {best:.2f} s: {size / best:.1f} MB/s")
-    speaker.json({"megabytes": size, "seconds": best, "megabytes_per_second": size / best})
+    console.line(f"{size:.1f} MB of numbers read in {best:.2f} s: {size / best:.1f} MB/s")
+    console.json({"megabytes": size, "seconds": best, "megabytes_per_second": size / best})
 
 
 def _write(path: Path, vertices: int) -> None:
     """A mesh of that many vertices and twice as many triangles, as text of six decimals."""
-    import numpy as np
-
     rng = np.random.default_rng(1)
     with path.open("w") as out:
         out.write(f'{HEAD}Shape "trianglemesh" "point3 P" [\n')
@@ -66,3 +61,7 @@ def _write(path: Path, vertices: int) -> None:
         out.write(']\n"integer indices" [\n')
         np.savetxt(out, rng.integers(0, vertices, (2 * vertices, 3)), fmt="%d")
         out.write("]\n")
+
+
+if __name__ == "__main__":
+    script(benchmark)

@@ -30,8 +30,10 @@ AsJson = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr.")]
 
 
-def definitions(pairs: Sequence[str] | None) -> dict[str, float]:
-    """The values of `-D name=value`; PenumbraError naming the one that is wrong."""
+def definitions(
+    pairs: Sequence[str] | None, option: str = "-D", example: str = "gap=0.001"
+) -> dict[str, float]:
+    """The values of an option `name=value` that may be repeated; PenumbraError naming the wrong one."""
     from scenes.errors import PenumbraError
 
     values: dict[str, float] = {}
@@ -42,9 +44,9 @@ def definitions(pairs: Sequence[str] | None) -> dict[str, float]:
         except ValueError:
             value = None
         if not name or not equals or value is None:
-            raise PenumbraError(f"-D {pair}: write it as name=number, for example -D gap=0.001")
+            raise PenumbraError(f"{option} {pair}: write it as name=number, for example {option} {example}")
         if name in values:
-            raise PenumbraError(f"-D {pair}: {name} is set twice")
+            raise PenumbraError(f"{option} {pair}: {name} is set twice")
         values[name] = value
     return values
 

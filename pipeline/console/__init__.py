@@ -1,0 +1,1 @@
+"""What commands share: their declaration, options, the scene they are asked for, and the console."""

@@ -1,0 +1,79 @@
+"""How a command declares itself, and how an error of the user's making ends it.
+
+A module of `pipeline.commands` decorates its function by `command`; the command line finds it there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import typer
+
+PACKAGE = "pipeline.commands"
+COLUMN = 33  # where the remarks of examples begin
+
+Function = Callable[..., None]
+Example = tuple[str, str]  # the command line after `penumbra`, and a remark
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command by its declaration. place: among all commands of the help, ascending."""
+
+    place: int
+    name: str
+    function: Function
+    examples: tuple[Example, ...]
+
+
+_commands: list[Command] = []
+
+
+def command(place: int, *examples: Example, name: str = "") -> Callable[[Function], Function]:
+    """Declare the decorated function a command, called as the function is if no name is given."""
+
+    def declare(function: Function) -> Function:
+        _commands.append(Command(place, name or function.__name__, function, examples))
+        return function
+
+    return declare
+
+
+def commands() -> list[Command]:
+    """All commands that the modules of PACKAGE declare, in the order of their places."""
+    package = importlib.import_module(PACKAGE)
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{PACKAGE}.{module.name}")
+    return sorted(_commands, key=lambda one: one.place)
+
+
+def example_lines(found: Sequence[Command]) -> str:
+    """The examples of some commands, a line each."""
+    pairs = [pair for one in found for pair in one.examples]
+    return "\n".join(f"  penumbra {line:{COLUMN}}  {remark}".rstrip() for line, remark in pairs)
+
+
+def call(app: Any, arguments: Sequence[str] | None = None) -> None:
+    """Run a Typer application; an error of the user's making is one line on stderr and exit code 2."""
+    try:
+        app(arguments)
+    except Exception as error:
+        from scenes.errors import PenumbraError
+
+        if not isinstance(error, PenumbraError):
+            raise
+        for line in str(error).splitlines():
+            print(f"penumbra: {line}", file=sys.stderr)
+        sys.exit(2)
+
+
+def script(function: Function, arguments: Sequence[str] | None = None) -> None:
+    """Run one function as a command line of its own, for examples and benchmarks."""
+    app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+    app.command()(function)
+    call(app, arguments)
