@@ -31,12 +31,13 @@ def _app() -> typer.Typer:
     return made
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         from importlib.metadata import version
 
         print(f"penumbra {version('penumbra')}")
         raise typer.Exit
+    return wanted
 
 
 def everywhere(

@@ -24,6 +24,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("scenes", "renderer", "pipeline", "reports")
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
+SCRIPTS = sorted(path for name in ("examples", "benchmarks") for path in (ROOT / name).rglob("*.py"))
 
 # A library and the one file that may import it; everything else goes through that file. None: no file yet.
 ONE_FILE = {
@@ -121,7 +122,7 @@ def test_no_global_random_state() -> None:
     """NumPy's legacy functions draw from hidden state, so that a result depends on what ran before it."""
     used = [
         f"{_name(path)}:{node.lineno} np.random.{node.attr}"
-        for path in [*SOURCES, *TESTS]
+        for path in [*SOURCES, *TESTS, *SCRIPTS]
         for node in ast.walk(_tree(path))
         if isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("np.random", "numpy.random")
         if node.attr not in WITHOUT_STATE
@@ -134,7 +135,10 @@ def test_citations_and_bibliography_agree() -> None:
     bibliography = (ROOT / "docs" / "references.bib").read_text(encoding="utf-8")
     entries = re.findall(r"^@\w+\{([^,\s]+),", bibliography, flags=re.MULTILINE)
     cited = {
-        key for path in [*SOURCES, *TESTS] for text in _docstrings(path) for key in CITATION.findall(text)
+        key
+        for path in [*SOURCES, *TESTS, *SCRIPTS]
+        for text in _docstrings(path)
+        for key in CITATION.findall(text)
     }
     assert len(entries) == len(set(entries))
     assert cited, "no docstring cites anything: the pattern of a citation must have changed"

@@ -50,7 +50,6 @@ def render(
     from pipeline.console.console import Console
     from pipeline.run.job import ReadScene, build_scene, run_job
     from pipeline.schema.record import Job
-    from scenes.errors import PenumbraError
 
     console = Console(as_json=as_json, quiet=quiet)
     target, description = image_target(output), open_scene(scene, define, console)
@@ -58,8 +57,6 @@ def render(
     estimator = estimator or given.estimator or "mis"
     sampler = given.sampler if sampler is None else sampler
     spp, seed = given.spp if spp is None else spp, given.seed if seed is None else seed
-    if threads < 1:
-        raise PenumbraError(f"threads is {threads}: give at least 1")
     # Not validated here: the renderer says in words of its own which value is wrong.
     job = Job.model_construct(
         scene=scene,

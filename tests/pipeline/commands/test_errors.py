@@ -25,7 +25,7 @@ MISTAKES = [
     ("render {tmp}/bad.pbrt -o {tmp}/a.exr", r".*bad\.pbrt:3:1: .*WorldBgein.*"),
     ("render soft-shadow -o {tmp}/a.exr --spp 0", "spp is 0: it must be a whole number of at least 1"),
     ("render soft-shadow -o {tmp}/a.exr --seed -1", "seed is -1: .*"),
-    ("render soft-shadow -o {tmp}/a.exr --threads 0", "threads is 0: give at least 1"),
+    ("render soft-shadow -o {tmp}/a.exr --threads 0", "threads is 0: it must be a whole number of .*"),
     ("render soft-shadow -o {tmp}/a.exr --estimator aera", ("unknown estimator 'aera'; there are: .*area, "
 "bsdf, .*")),
     ("render soft-shadow -o {tmp}/a.exr --sampler halton", "unknown sampler 'halton'; there are: .*"),
