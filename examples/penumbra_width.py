@@ -1,4 +1,4 @@
-"""How wide the penumbrae of a run are, held against the closed form.
+"""The widths of a run's penumbrae of straight edges, against the closed form.
 
     python examples/penumbra_width.py runs/penumbra
 
@@ -43,8 +43,9 @@ STEPS = 60  # halvings of an interval that holds a level: down to rounding
 
 @dataclass(frozen=True)
 class Width:
-    """Scene units on the floor. measured: in the image; exact: of the closed form; similar_triangles: all of
-    the penumbra.
+    """Widths on the floor, in scene units. measured: in the image; exact: of the closed form.
+
+    similar_triangles: of the whole penumbra, from no light to all. pixel: the spacing of rows.
     """
 
     measured: float
@@ -59,11 +60,9 @@ class Width:
 
 
 def width_of(image: Array, scene: SceneDescription) -> Width:
-    """The width in an image (h, w, 3) of a scene that `closed-form-edge` takes; PenumbraError where the
-    penumbra is not in view.
+    """The width in an image (h, w, 3) of a scene that `closed-form-edge` supports.
 
-    `pixel` is how far apart neighbouring rows are on the floor: what is narrower than a few of them is
-    measured too wide.
+    PenumbraError where the penumbra is not in view. A penumbra narrower than a few rows measures too wide.
     """
     edge = analyse_edge(scene)
     film = film_plane(scene.camera, scene.film)
@@ -106,9 +105,7 @@ def _crossing(s: Array, curve: Array, level: float) -> float:
 
 
 def _exact(edge: EdgeScene, point: Array, away: Array, level: float) -> float:
-    """Where the closed form's visible fraction is `level` on the line through a point (3,) across the shadow,
-    by bisection.
-    """
+    """The place of visible fraction `level` on the line through a point (3,) across the shadow."""
     base = point - (point - edge.edge[0]) @ away * away
     low, high = (sign * _reach(edge, away) for sign in (-1.0, 1.0))
     for _ in range(STEPS):
@@ -122,9 +119,7 @@ def _exact(edge: EdgeScene, point: Array, away: Array, level: float) -> float:
 
 
 def _ends(edge: EdgeScene, away: Array) -> Array:
-    """Where on the floor, along `away` from below the edge, each corner of the light is seen right at the
-    edge: (v,).
-    """
+    """Places (v,) on the floor, along `away`, from which the edge just touches each corner of the light."""
     height = float(edge.floor_plane.height(edge.edge[0]))
     corners = edge.light.outline - edge.edge[0]
     return -(corners @ away) * height / (corners @ edge.floor_plane.normal)

@@ -75,7 +75,7 @@ class SelfBackend:
                 seed, cores = batch_seed(request.seed, number), os.cpu_count() or 1
                 yield render(built, estimator=estimator, spp=wanted.spp, seed=seed, threads=cores).image
 
-        tally = accumulate(draw, scene.film, request, SPP_A_BATCH, continuation, progress)
+        accumulator = accumulate(draw, scene.film, request, SPP_A_BATCH, continuation, progress)
         provenance = {
             "backend": self.name,
             "version": self.version(),
@@ -84,7 +84,7 @@ class SelfBackend:
             "independence": "none: made by the renderer under test",
             "seeds": f"batch k: SeedSequence([{SERIES:#x}, {request.seed}, k])",
         }
-        return to_image(tally, provenance)
+        return to_image(accumulator, provenance)
 
 
 def batch_seed(seed: int, number: int) -> int:

@@ -1,9 +1,9 @@
 """Ambient occlusion as direct light: the scene whose radiance is the ambient occlusion of another.
 
-Ambient occlusion is the integral of V(w) cos(w) / pi over the hemisphere, V being whether nothing is met;
-that is what a surface of reflectance 1 reflects of a sky of radiance 1 all around. Emitters become surfaces,
-as they are to pbrt's `ambientocclusion`, and pixels that meet nothing must read 0, which is the renderer's
-part: the sky itself is not to be seen.
+Ambient occlusion is the integral of V(w) cos(w) / pi over the hemisphere, V being 1 where nothing is met;
+it equals the light that a surface of reflectance 1 reflects of a sky of radiance 1 all around. Emitters
+become surfaces, as they are to pbrt's `ambientocclusion`. The renderer hides the sky itself, so that pixels
+that meet nothing read 0.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def ambient_scene(scene: SceneDescription) -> SceneDescription:
 
 
 def bare_scene(scene: SceneDescription) -> SceneDescription:
-    """`scene` in white and without lights: all that its ambient occlusion depends on."""
+    """`scene` in white and without lights, on which alone its ambient occlusion depends."""
     white = Diffuse(np.ones(3))
     shapes = tuple(replace(shape, material=white, emission=None) for shape in scene.shapes)
     return replace(scene, shapes=shapes, lights=())

@@ -27,8 +27,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.references.accumulator import Tally
-from pipeline.references.batches import met, to_tally
+from pipeline.references.accumulator import Accumulator
+from pipeline.references.batches import met, to_accumulator
 from pipeline.references.protocol import (
     BACKENDS,
     Continuation,
@@ -171,11 +171,11 @@ def _make(
     )
 
 
-def _start(stored: StoredReference | None, unfinished: Tally | None) -> Tally | None:
+def _start(stored: StoredReference | None, unfinished: Accumulator | None) -> Accumulator | None:
     """What there is most of."""
-    done = to_tally(stored.image) if stored and stored.image.batches > 1 else None
-    found = [tally for tally in (done, unfinished) if tally]
-    return max(found, key=lambda tally: tally.spp, default=None)
+    done = to_accumulator(stored.image) if stored and stored.image.batches > 1 else None
+    found = [accumulator for accumulator in (done, unfinished) if accumulator]
+    return max(found, key=lambda accumulator: accumulator.spp, default=None)
 
 
 def _described(

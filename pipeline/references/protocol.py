@@ -1,4 +1,4 @@
-"""What a reference backend is asked and what it answers."""
+"""The protocol of a reference backend, its requests and its answers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.references.accumulator import Tally
+from pipeline.references.accumulator import Accumulator
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 from scenes.registry import Registry
@@ -19,17 +19,16 @@ Progress = Callable[[float], None]  # the share done, 0..1
 Quantity = Literal["radiance", "ambient-occlusion"]
 
 MIN_BATCHES = 64
-"""Below that, Welch tests per pixel are wrong: measured, 65 % of runs with 32 batches raise a false alarm that 5 % should."""  # noqa: E501
+"""Welch tests per pixel need so many: measured, 65 % of runs with 32 batches raise a false alarm, not 5 %."""
 
 
 @dataclass(frozen=True)
 class ReferenceRequest:
-    """At least `spp` samples a pixel in at least `batches` runs of different seeds, from whose spread the
-    variance comes.
+    """At least `spp` samples a pixel in at least `batches` runs of different seeds.
 
-    quantity: light, or the share of the cosine-weighted hemisphere that nothing within the scene's occlusion
-    distance hides. target: the relative standard error to go on to, see `tally.Precision`; None: `spp` and
-    `batches` alone decide.
+    The spread of the runs gives the variance. quantity: radiance, or the share of the cosine-weighted
+    hemisphere that is free within the scene's occlusion distance. target: the relative standard error to
+    reach besides (see `accumulator.Precision`), None for none.
     """
 
     spp: int = 4096
@@ -41,8 +40,9 @@ class ReferenceRequest:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceImage:
-    """mean, variance (of the mean): (h, w, 3) float64; batches: 0 where nothing was sampled; provenance: what
-    made it, as strings.
+    """mean, variance (of the mean): (h, w, 3) float64. batches: 0 for a deterministic image.
+
+    provenance: its origin, by name.
     """
 
     mean: Image
@@ -53,18 +53,16 @@ class ReferenceImage:
     provenance: dict[str, str]
 
 
-def _forget(_: Tally) -> None:
+def _forget(_: Accumulator) -> None:
     """Keep nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """start: batches of the same scene, backend, version, quantity and seed, to be added to; keep: told of
-    every batch that is finished.
-    """
+    """start: earlier batches of the same scene, backend, version, quantity, seed. keep: called per batch."""
 
-    start: Tally | None = None
-    keep: Callable[[Tally], None] = _forget
+    start: Accumulator | None = None
+    keep: Callable[[Accumulator], None] = _forget
 
 
 @runtime_checkable
@@ -74,11 +72,11 @@ class ReferenceBackend(Protocol):
     name: str
 
     def version(self) -> str:
-        """Everything about the backend that its images depend on: it goes into the cache key."""
+        """Everything about the backend that its images depend on, a part of the cache key."""
         ...
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """Why the scene is out of its reach, in one sentence, or None."""
+        """The reason why the backend cannot render the scene, in one sentence, or None."""
         ...
 
     def render(
@@ -96,7 +94,7 @@ BACKENDS: Registry[ReferenceBackend] = Registry("reference backend", "pipeline.r
 
 
 def unlit(scene: SceneDescription) -> str | None:
-    """That a scene has no lights, or None."""
+    """The reason to refuse a scene without lights, None for one with lights."""
     if scene.lights or any(shape.emission for shape in scene.shapes):
         return None
     return "it has no lights, so that its reference would be black"
@@ -108,8 +106,8 @@ def require(backend: ReferenceBackend, scene: SceneDescription, quantity: Quanti
         raise PenumbraError(f"scene {scene.name}: {reason}")
 
 
-def takers(scene: SceneDescription, quantity: Quantity, without: str = "") -> list[str]:
-    """The backends that take the scene, other than `without`."""
+def supporting_backends(scene: SceneDescription, quantity: Quantity, without: str = "") -> list[str]:
+    """The names of the backends that support the scene, other than `without`."""
     return [
         name
         for name, backend in BACKENDS.items()
@@ -118,10 +116,10 @@ def takers(scene: SceneDescription, quantity: Quantity, without: str = "") -> li
 
 
 def refusal(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> str | None:
-    """Why the backend does not take the scene, and which ones do; None if it does."""
+    """The reason why the backend refuses the scene and the names of others that do not, or None."""
     reason = backend.refuses(scene, quantity)
     if reason is None:
         return None
-    others = takers(scene, quantity, without=backend.name)
+    others = supporting_backends(scene, quantity, without=backend.name)
     there = f"backends that take it: {', '.join(others)}" if others else "no other backend takes it"
     return f"{reason}; {there}"

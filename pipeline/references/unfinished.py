@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.references.accumulator import Tally
+from pipeline.references.accumulator import Accumulator
 from scenes.description.scene import Film
 from scenes.files import write_file
 from scenes.hashing import hash_bytes
@@ -35,10 +35,10 @@ class Unfinished:
 
     path: Path
     key: str
-    last: Tally | None = None
+    last: Accumulator | None = None
     next_save: float = field(default_factory=lambda: time.monotonic() + SAVE_EVERY)
 
-    def read(self, film: Film) -> Tally | None:
+    def read(self, film: Film) -> Accumulator | None:
         """What an interrupted call left, None if there is nothing or nothing whole."""
         if not self.path.is_file():
             return None
@@ -50,9 +50,9 @@ class Unfinished:
             )
             return None
 
-    def keep(self, tally: Tally) -> None:
+    def keep(self, accumulator: Accumulator) -> None:
         """Take note of a finished batch; save if it is time."""
-        self.last = tally
+        self.last = accumulator
         start = time.monotonic()
         if start >= self.next_save:
             self.save()
@@ -60,12 +60,17 @@ class Unfinished:
 
     def save(self) -> None:
         """Write what is not written yet, atomically."""
-        tally, self.last = self.last, None
-        if tally is None:
+        accumulator, self.last = self.last, None
+        if accumulator is None:
             return
-        told = {"key": self.key, "spp": tally.spp, "batches": tally.batches, "seconds": tally.seconds}
+        told = {
+            "key": self.key,
+            "spp": accumulator.spp,
+            "batches": accumulator.batches,
+            "seconds": accumulator.seconds,
+        }
         content = to_npz(
-            {"mean": tally.mean, "m2": tally.m2} | {name: np.array(v) for name, v in told.items()}
+            {"mean": accumulator.mean, "m2": accumulator.m2} | {name: np.array(v) for name, v in told.items()}
         )
         write_file(self.path, bytes.fromhex(hash_bytes(content)) + content)
 
@@ -74,7 +79,7 @@ class Unfinished:
         self.path.unlink(missing_ok=True)
 
 
-def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Tally:
+def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Accumulator:
     """ValueError and the like where `data` is not what was saved, or is another reference's."""
     content = data[SEAL:]
     if bytes.fromhex(hash_bytes(content)) != data[:SEAL]:
@@ -85,7 +90,7 @@ def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Tally:
     if arrays["mean"].shape != shape:
         raise ValueError(f"it is of size {arrays['mean'].shape}, not {shape}")
     numbers = int(arrays["spp"]), int(arrays["batches"]), float(arrays["seconds"])
-    return Tally(arrays["mean"], arrays["m2"], *numbers)
+    return Accumulator(arrays["mean"], arrays["m2"], *numbers)
 
 
 def to_npz(arrays: Mapping[str, Any]) -> bytes:

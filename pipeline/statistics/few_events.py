@@ -1,9 +1,8 @@
-"""The mean of few large samples against a mean that is known: a test that asks nothing of the samples' own
-variance.
+"""The mean of few large samples against a known mean: a test that does not use the samples' own variance.
 
-Where a few large samples make up the light, and nothing tells how rare they are, the samples' variance is no
-help: a region in which none was met has no variance at all, and a test that divides by it rejects the truth
-with certainty. What is known is how large samples get: n independent draws from [0, w] (or [v, w], measured
+Where a few large samples of unknown rarity make up the light, the samples' variance is no help: a region that
+met none has no variance at all, and a test that divides by it rejects the truth with certainty. Known is how
+large samples get: n independent draws from [0, w] (or [v, w], measured
 from v) of mean m come to a mean as far off as s with a probability of at most
 
     2 exp(-n [s/w ln(s/m) + (1 - s/w) ln((1 - s/w) / (1 - m/w))])
@@ -41,7 +40,7 @@ DOUBT = 6.0
 
 
 def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
-    """Whether fewer than EVENTS of the largest draws make up the light of each region, by the reference.
+    """True for each region whose light, by the reference, is fewer than EVENTS of the largest draws.
 
     pixels: (..., 3), of each region. reference: (..., 3), over the regions.
     """
@@ -51,10 +50,8 @@ def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
     return reference.mean * pixels * draws.count < EVENTS * (largest - least)
 
 
-def as_due(side: Moments, reference: Moments) -> Moments:
-    """`side` with the variance that it would have if as many events had come as the reference says were due,
-    where fewer came.
-    """
+def variance_as_expected(side: Moments, reference: Moments) -> Moments:
+    """Raise `side`'s variance to that of the number of events that the reference expects, if fewer came."""
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(side.mean > 0, reference.mean / side.mean, 1.0)
     return replace(side, variance=side.variance * np.maximum(factor, 1.0))
@@ -76,13 +73,12 @@ def bounded_p(draws: Draws, pixels: Array, mean: Array, reference: Moments, slac
         np.divide(x - least, largest - least, out=np.zeros_like(least), where=wide) for x in (ours, truth)
     )
     exponent = draws.count * pixels * (relative_entropy(s, m) + relative_entropy(1.0 - s, 1.0 - m))
-    # Draws that met no light tell nothing of how large it comes: where there is some, that is no evidence of
-    # bias.
+    # Draws that met no light do not say how large its samples are: such a region is no evidence of bias.
     unknown = (draws.largest <= draws.least) & (ours == draws.least) & (reference.mean > ours)
     return np.where(finite, np.where(unknown, 1.0, np.minimum(1.0, 2.0 * np.exp(-exponent))), 0.0)
 
 
 def _range(draws: Draws, *means: Array) -> tuple[Array, Array]:
-    """Between what (..., 3) draws lie: no mean of draws is beyond the least and the largest."""
+    """The range (..., 3) of draws, widened to hold every given mean."""
     least = np.minimum.reduce([np.broadcast_to(draws.least, means[0].shape), *means])
     return least, np.maximum.reduce([np.broadcast_to(draws.largest, means[0].shape), *means])

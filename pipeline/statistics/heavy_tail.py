@@ -34,9 +34,7 @@ SAMPLES_LEAST = TOP_LEAST**2  # as k is the root of n
 
 @dataclass(frozen=True)
 class TailIndex:
-    """Hill's index of the `top` largest samples with its 95 % interval; all infinite where these are all
-    equal.
-    """
+    """Hill's index of the `top` largest samples with its 95 % interval; infinite if these are all equal."""
 
     value: float
     low: float
@@ -45,9 +43,7 @@ class TailIndex:
 
     @property
     def heavy(self) -> bool:
-        """Whether the estimate is below 2; errors of either kind are then equally likely at a true index of
-        2.
-        """
+        """True below 2; at a true index of 2 errors of either kind are equally likely."""
         return self.value < INDEX_LIMIT
 
     def __str__(self) -> str:

@@ -1,9 +1,8 @@
-"""Intervals: of a mean over replicates, of products and ratios, of efficiency, of an MSE over replicate
-seeds.
+"""Intervals of means over replicates, of products and ratios, of efficiency, and of an MSE over seeds.
 
-Each cell of a sweep is rendered with several seeds. Replicates are what an interval is safely made of: they
-are independent whatever the sampler, while the film's M2 is a variance for independent samples only (under
-Sobol it is up to thousands of times too large).
+Each cell of a sweep is rendered with several seeds. Replicates make a safe interval: they
+are independent whatever the sampler, while the film's M2 is a variance for independent samples only. Under
+Sobol it is up to thousands of times too large.
 """
 
 from __future__ import annotations
@@ -37,8 +36,9 @@ class Interval:
 
 @dataclass(frozen=True)
 class ReplicateMse:
-    """An MSE over replicate seeds. bound: `value` is an upper bound, below the reference's noise. value None:
-    undefined, `note` says why.
+    """An MSE over replicate seeds. value: None if undefined, for the reason in `note`.
+
+    bound: `value` is an upper bound, as the error is below the reference's noise.
     """
 
     value: float | None
@@ -50,8 +50,9 @@ class ReplicateMse:
 
 
 def mean_interval(values: Array | Sequence[float], confidence: float = CONFIDENCE) -> Interval:
-    """Mean of independent, equally distributed values with Student's interval; nan ends for a single one, and
-    where one is infinite. values: (r,).
+    """Mean of independent, equally distributed values (r,) with Student's interval.
+
+    The ends are nan for a single value and where one is infinite.
     """
     x = np.asarray(values, dtype=np.float64)
     if x.size == 0:
@@ -97,9 +98,7 @@ def product(*factors: tuple[Interval, float]) -> Interval:
 
 
 def efficiency(mse: Interval, seconds: Interval) -> Interval:
-    """1 / (MSE x seconds), the reciprocal of the cost of a given error, with its interval [pharr2023] chapter
-    2.
-    """
+    """1 / (MSE x seconds), the reciprocal of an error's cost, with its interval [pharr2023] chapter 2."""
     if mse.value == 0:
         worst = mse.high * seconds.high
         return Interval(math.inf, 1.0 / worst if worst > 0 else math.inf, math.inf)

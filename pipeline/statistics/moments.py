@@ -1,4 +1,4 @@
-"""One side of a comparison of images: its mean, what is known of that mean's error, and both over regions.
+"""One side of a comparison of images: its mean and the error of that mean, per pixel and over regions.
 
 Two kinds of error are kept apart. A variance is that of independent noise: over a region of n pixels it falls
 as 1/n. A bound is what a quadrature or a float32 sum may be off by, of unknown sign and the same for
@@ -22,10 +22,9 @@ WIDE = (9, 27)
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """The independent draws behind each pixel. count: how many. least, largest: (3,) float64, of the whole
-    image, channel by channel.
+    """The independent draws behind each pixel. count: how many.
 
-    least: 0 for draws that are never negative.
+    least, largest: (3,) float64, of the whole image, by channel; least is 0 if no draw is negative.
     """
 
     count: int
@@ -37,10 +36,10 @@ class Draws:
 class Moments:
     """One side of a comparison.
 
-    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where it
-    is known or the mean exact. samples: independent samples a pixel behind the mean; None where unknown or
-    the mean exact. bound: (h, w, 3), what the mean may be off by besides; None for nothing. draws: None where
-    nothing is known of single ones (see few_events.py).
+    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where
+    the variance is known or the mean exact. samples: independent samples a pixel; None where unknown or the
+    mean exact. bound: (h, w, 3), the systematic error that the mean may have besides; None for none. draws:
+    the extremes of single draws, None where unknown (see few_events.py).
     """
 
     mean: Array
@@ -72,80 +71,75 @@ class Moments:
 
 
 def batch_moments(batches: Array, samples: float | int | None = None) -> Moments:
-    """The moments of independent batches of equal size. batches: (b, h, w, 3) float64, b >= 2; samples: a
-    pixel, in all.
+    """The moments of independent batches of equal size.
+
+    batches: (b, h, w, 3) float64, b >= 2. samples: a pixel, in all.
     """
     count = batches.shape[0]
     return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
 
 
-def held_up(side: Moments, other: Moments) -> Moments:
-    """`side` with a variance of no less than the other side's samples would have at this side's number of
-    them.
-    """
+def floor_by_other(side: Moments, other: Moments) -> Moments:
+    """Raise `side`'s variance to that of the other side's samples at this side's number of samples."""
     if side.samples is None or other.samples is None:
         return side
     known = np.where(np.isfinite(other.variance), other.variance, 0.0)
     return replace(side, variance=np.maximum(side.variance, known * (other.samples / side.samples)))
 
 
-def steadied(side: Moments) -> Moments:
-    """`side` with a variance of no less than the mean over the 3 x 3 pixels around, channel by channel."""
-    finite = np.where(
-        np.isfinite(side.variance), side.variance, 0.0
-    )  # the filter's running sum would carry a nan along
+def floor_by_neighbours(side: Moments) -> Moments:
+    """Raise `side`'s variance to the mean over the 3 x 3 pixels around, channel by channel."""
+    # The filter's running sum would carry a nan along.
+    finite = np.where(np.isfinite(side.variance), side.variance, 0.0)
     around = box_mean(finite, 3)
     return replace(side, variance=np.maximum(side.variance, around))
 
 
-def told(side: Moments, other: Moments) -> tuple[Array, Array]:
-    """Both variances (h, w, 3), to be summed up: 0 for what is not finite, and for the first where the other
-    side is black without any variance.
+def finite_variances(side: Moments, other: Moments) -> tuple[Array, Array]:
+    """Both variances (h, w, 3) with 0 for what is not finite, ready to be summed.
+
+    The first is 0 too where the other side is black without any variance.
     """
     black = (other.mean == 0) & (other.variance == 0)
     own, known = (np.where(np.isfinite(v), v, 0.0) for v in (side.variance, other.variance))
     return np.where(black, 0.0, own), known
 
 
-def with_excess(side: Moments, other: Moments) -> Moments:
-    """`side` with a variance of no less than the other side's samples would have and, on top of it, its own
-    excess over that around.
+def floor_by_excess(side: Moments, other: Moments) -> Moments:
+    """Raise `side`'s variance to that of the other side's samples plus its own excess over it nearby.
 
-    The excess is the mean over WIDE pixels square, the greatest of them; 0 where this side varies no more, as
-    it does where both sample alike.
+    The excess is the greatest of the means over WIDE pixels square; it is 0 where both sides sample alike.
     """
     if side.samples is None or other.samples is None:
         return side
-    own, known = told(side, other)
+    own, known = finite_variances(side, other)
     known = known * (other.samples / side.samples)
     excess = np.maximum.reduce([box_mean(own, size) - box_mean(known, size) for size in WIDE])
     return replace(side, variance=np.maximum(side.variance, known + np.maximum(excess, 0.0)))
 
 
-def reduced(side: Moments, grid: tuple[int, int]) -> Moments:
-    """Means over a grid of regions (rows, columns), their variances, and Satterthwaite's degrees of freedom
-    [welch1947].
+def over_grid(side: Moments, grid: tuple[int, int]) -> Moments:
+    """Means over a grid of regions (rows, columns), with Satterthwaite's degrees of freedom [welch1947].
 
     The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees
-    of freedom; the least over regions and channels is used, of which there are always hundreds. Bounds add up
-    as they are.
+    of freedom. The least over regions and channels is used, which is always in the hundreds. Bounds add up.
     """
-    variance = summed(side.variance, grid)
+    variance = grid_sums(side.variance, grid)
     with np.errstate(invalid="ignore", divide="ignore"):
-        dof = variance**2 / summed(side.variance**2 / side.dof, grid)
-    pixels = summed(np.ones_like(side.mean), grid)
+        dof = variance**2 / grid_sums(side.variance**2 / side.dof, grid)
+    pixels = grid_sums(np.ones_like(side.mean), grid)
     least = float(np.min(np.where(np.isfinite(dof), dof, np.inf)))
-    bound = None if side.bound is None else summed(side.bound, grid) / pixels
-    return Moments(summed(side.mean, grid) / pixels, variance / pixels**2, least, side.samples, bound)
+    bound = None if side.bound is None else grid_sums(side.bound, grid) / pixels
+    return Moments(grid_sums(side.mean, grid) / pixels, variance / pixels**2, least, side.samples, bound)
 
 
-def masked(side: Moments, mask: Mask) -> Moments:
+def over_mask(side: Moments, mask: Mask) -> Moments:
     """`side` over the pixels of a mask (h, w) alone, as one row (1, n, 3)."""
     bound = None if side.bound is None else side.bound[mask][None]
     return replace(side, mean=side.mean[mask][None], variance=side.variance[mask][None], bound=bound)
 
 
-def summed(image: Array, grid: tuple[int, int]) -> Array:
+def grid_sums(image: Array, grid: tuple[int, int]) -> Array:
     """Sums over a grid of regions: (h, w, 3) -> (rows, columns, 3); regions differ by a pixel at most."""
     rows, columns = (np.arange(n) * size // n for n, size in zip(grid, image.shape[:2], strict=True))
     return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)

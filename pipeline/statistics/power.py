@@ -1,4 +1,4 @@
-"""How small a bias would a test have caught?"""
+"""The power of a test: how small a bias would it have caught?"""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ SMALLEST, LARGEST = 1e-9, 1e6  # relative biases between which the answer is sou
 def smallest_detectable(
     mean: Array, error: Array, dof: Array, level: float, slack: Array | float = 0.0, power: float = POWER
 ) -> float:
-    """The smallest bias e such that, were every true value (1 + e) times the reference's, the family would
-    reject.
+    """The smallest relative bias e, applied to every true value, at which the family would reject.
 
     mean, error (standard error of the difference), dof: (..., channels) float64. level: of each comparison,
     two-sided. slack: of the means' shape, what a difference loses before it counts (an error bound). An error
@@ -43,8 +42,9 @@ def smallest_detectable(
 
 
 def _family_power(shift: Array, critical: Array, dof: Array) -> float:
-    """Probability that at least one comparison of the best channel rejects. shift: (..., channels)
-    non-centralities.
+    """Probability that at least one comparison of the best channel rejects.
+
+    shift: (..., channels), non-centralities.
     """
     with np.errstate(divide="ignore"):
         missed = np.log(beta(shift, critical, dof))

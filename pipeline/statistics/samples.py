@@ -1,6 +1,4 @@
-"""What the samples say of their own estimate, without any reference: noise, largest share, tail index,
-verdict.
-"""
+"""The verdict of samples on their own estimate, without a reference: noise, largest share, tail index."""
 
 from __future__ import annotations
 
@@ -50,8 +48,7 @@ def sample_statistics(
     nonfinite: int,
     maximum: Array | None = None,
 ) -> SampleStatistics:
-    """What a render's samples say of it; the arrays are those of the film, tail and counts those of the
-    result.
+    """Noise, shares and verdict of a render, from the arrays of its film and the counts of its result.
 
     mean, m2: (h, w, 3) float64, mean and sum of squared deviations of the samples of each pixel. count: (h,
     w). tail: (k,) float64, the largest luminances among the `reflected` samples of reflected light of the
@@ -76,10 +73,9 @@ def sample_statistics(
 
 
 def image_noise(m2: Array, count: NDArray[np.int64] | Array) -> float:
-    """Root mean square over pixels and channels of the standard error of independent samples; nan below 2
-    samples.
+    """Root mean square over pixels and channels of the standard error of independent samples.
 
-    m2: (h, w, 3) float64, sums of squared deviations. count: (h, w).
+    m2: (h, w, 3) float64, sums of squared deviations. count: (h, w). nan below 2 samples.
     """
     n = np.asarray(count, dtype=np.float64)[..., None]
     if np.min(n) < 2:
@@ -88,7 +84,7 @@ def image_noise(m2: Array, count: NDArray[np.int64] | Array) -> float:
 
 
 def spike_share(mean: Array, m2: Array, count: NDArray[np.int64] | Array, maximum: Array) -> float | None:
-    """How much of all squared deviations from the pixels' means is each pixel's largest sample alone, 0 to 1.
+    """Share, 0 to 1, of each pixel's largest sample in all squared deviations from the pixels' means.
 
     mean, m2, maximum: (h, w, 3) float64. count: (h, w). Its reciprocal is the number of samples a pixel that
     the measured variance rests on. n samples give 3/n if uniform, about 2 ln(n)/n if normal, 2/n over a
@@ -109,7 +105,7 @@ def spike_share(mean: Array, m2: Array, count: NDArray[np.int64] | Array, maximu
 def _judge(
     share: float, index: TailIndex | None, nonfinite: int, drawn: int, spike: float | None
 ) -> SampleVerdict:
-    """Gather the signs; each that is raised adds its sentence."""
+    """Collect the alarms, one sentence each."""
     alarms = [
         text for text in (_of_nonfinite(nonfinite), _of_share(share, drawn), _of_index(index, spike)) if text
     ]

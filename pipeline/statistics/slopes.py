@@ -85,8 +85,7 @@ def fit_slope(
 
 
 def halving_cost(slope: Slope) -> Interval:
-    """How many times the time it takes to halve the error, 2^(-1/slope), with its 95 % interval: 4 at a slope
-    of -1/2.
+    """The factor in time that halves the error, 2^(-1/slope), with its 95 % interval: 4 at a slope of -1/2.
 
     Infinite where the slope, or the end of its interval, is not negative: no time is enough.
     """
@@ -94,11 +93,10 @@ def halving_cost(slope: Slope) -> Interval:
 
 
 def seconds_for_error(slope: Slope, error: float) -> Interval:
-    """The time at which the fitted line reaches `error`, with a 95 % interval by the delta method; infinite
-    for no fall.
+    """The time at which the fitted line reaches `error`, with a 95 % interval by the delta method.
 
-    The fit is of error against seconds. Errors of level and slope are independent about the center of the
-    fit.
+    The fit is of error against seconds; a line that does not fall gives infinity. Errors of level and slope
+    are independent about the center of the fit.
     """
     if slope.value >= 0:
         return Interval(math.inf, 0.0, math.inf)
@@ -109,9 +107,7 @@ def seconds_for_error(slope: Slope, error: float) -> Interval:
 
 
 def _scale(misfit: float, dof: int, weighted: bool) -> tuple[float, float]:
-    """Standard error of a point of unit weight, and the factor of its interval, whichever product is the
-    greater.
-    """
+    """Standard error of a point of unit weight and its interval's factor, by the greater product."""
     implied = (1.0, NORMAL) if weighted else (math.nan, math.nan)
     if dof == 0:
         return implied

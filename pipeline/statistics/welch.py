@@ -41,9 +41,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.statistics.few_events import as_due, bounded_p, few_events
+from pipeline.statistics.few_events import bounded_p, few_events, variance_as_expected
 from pipeline.statistics.moments import Draws as Draws
-from pipeline.statistics.moments import Moments, held_up, masked, reduced, steadied, summed, told, with_excess
+from pipeline.statistics.moments import (
+    Moments,
+    finite_variances,
+    floor_by_excess,
+    floor_by_neighbours,
+    floor_by_other,
+    grid_sums,
+    over_grid,
+    over_mask,
+)
 from pipeline.statistics.moments import batch_moments as batch_moments
 from pipeline.statistics.numerics import student_survival
 from pipeline.statistics.power import smallest_detectable
@@ -85,8 +94,8 @@ class TestResult:
         promised = np.isfinite(self.smallest_detectable)
         caught = f", smallest bias it would have caught {self.smallest_detectable:.3%}" if promised else ""
         return (
-            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, worst difference {self.effect:+.3%}"  # noqa: E501
-            f"{caught}"
+            f"{self.name}: {verdict}, p = {self.p:.3g} over {self.comparisons:,}, "
+            f"worst difference {self.effect:+.3%}{caught}"
         )
 
 
@@ -98,8 +107,7 @@ def compare_images(
     parts: Mapping[str, Mask] | None = None,
     correction: Correction = "sidak",
 ) -> list[TestResult]:
-    """Test image `a` against reference `b`: "image", "regions" (a grid), a family for each of `parts`, and
-    "pixels".
+    """Test image `a` against reference `b`, by families: "image", "regions" (a grid), `parts`, "pixels".
 
     Each family is held to level alpha. regions: rows and columns of the grid, no more than pixels. parts:
     names of further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the
@@ -114,35 +122,44 @@ def compare_images(
     alike = vary_alike(a, b)
     draws = None if alike else a.draws
     whole = np.ones_like(a.mean)
-    few = Few(draws, summed(whole, (1, 1))) if draws else None
-    out = [_compare("image", reduced(a, (1, 1)), reduced(b, (1, 1)), alpha, few=few)]
-    few = Few(draws, summed(whole, regions)) if draws else None
-    out.append(_compare("regions", reduced(a, regions), reduced(b, regions), alpha, few=few))
+    few = Few(draws, grid_sums(whole, (1, 1))) if draws else None
+    out = [_compare("image", over_grid(a, (1, 1)), over_grid(b, (1, 1)), alpha, few=few)]
+    few = Few(draws, grid_sums(whole, regions)) if draws else None
+    out.append(_compare("regions", over_grid(a, regions), over_grid(b, regions), alpha, few=few))
     for name, mask in (parts or {}).items():
         few = Few(draws, np.full((1, 1, 3), float(np.count_nonzero(mask)))) if draws else None
-        one, other = (reduced(masked(side, mask), (1, 1)) for side in (a, b))
+        one, other = (over_grid(over_mask(side, mask), (1, 1)) for side in (a, b))
         out.append(_compare(name, one, other, alpha, few=few))
     if alike:
-        out.append(_compare("pixels", steadied(with_excess(a, b)), steadied(b), alpha, correction))
+        out.append(
+            _compare(
+                "pixels",
+                floor_by_neighbours(floor_by_excess(a, b)),
+                floor_by_neighbours(b),
+                alpha,
+                correction,
+            )
+        )
     elif draws and b.exact:
         out.append(_compare("pixels", a, b, alpha, correction, Few(draws, whole, all=True)))
     return out
 
 
 def vary_alike(a: Moments, b: Moments) -> bool:
-    """Whether the variance of b's samples can hold up that of a's pixels: both counts are known, and a's
-    samples vary at most ALIKE as much.
+    """True if both counts are known and a's samples vary at most ALIKE times as much as b's in every tile.
 
-    In each of TILES x TILES parts of the image, not on the whole: a lamp in view gives both sides much the
-    same variance along its edges, beside which what one side alone sees of light by chance would be lost.
-    Light where the reference is black is no chance.
+    The variance of b's samples is then a floor for that of a's pixels. The image is judged in TILES x TILES
+    parts: on the whole, the edges of a light in view, where both sides vary alike, would hide the variance
+    that one side alone has from light met by chance. Light where the reference is black is no chance.
     """
     if a.samples is None or b.samples is None:
         return False
     tiles = (min(TILES, a.mean.shape[0]), min(TILES, a.mean.shape[1]))
     rounding = (ROUNDING * np.where(np.isfinite(b.mean), b.mean, 0.0)) ** 2
-    ours, theirs = (summed(v, tiles) for v in told(a, b))
-    return bool(np.all(ours * a.samples <= ALIKE * theirs * b.samples + summed(rounding, tiles) * a.samples))
+    ours, theirs = (grid_sums(v, tiles) for v in finite_variances(a, b))
+    return bool(
+        np.all(ours * a.samples <= ALIKE * theirs * b.samples + grid_sums(rounding, tiles) * a.samples)
+    )
 
 
 def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
@@ -181,8 +198,9 @@ def sidak_level(alpha: float, comparisons: int) -> float:
 
 
 def simes(p: Array) -> float:
-    """The family's p-value by Simes: the least of m p_(i) / i, below the level if Benjamini and Hochberg
-    reject anything. [simes1986]
+    """The family's p-value by Simes [simes1986]: the least of m p_(i) / i.
+
+    It is below the level if Benjamini and Hochberg reject anything.
     """
     ranked = np.sort(p, axis=None)
     return float(min(1.0, np.min(ranked * ranked.size / np.arange(1, ranked.size + 1))))
@@ -190,8 +208,9 @@ def simes(p: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Few:
-    """What is known of regions that may hold few events: the draws of a pixel, pixels (..., 3) of each; all:
-    none is tested by its variance.
+    """Regions that may hold few events: the draws of a pixel, and the pixels (..., 3) of each region.
+
+    all: test none by its variance.
     """
 
     draws: Draws
@@ -203,14 +222,13 @@ def _compare(
     name: str, a: Moments, b: Moments, alpha: float, correction: Correction = "sidak", few: Few | None = None
 ) -> TestResult:
     """One family: every element of the arrays is a comparison; the last axis is the channel."""
-    held_a, held_b = held_up(as_due(a, b) if few else a, b), held_up(b, a)
+    held_a, held_b = floor_by_other(variance_as_expected(a, b) if few else a, b), floor_by_other(b, a)
     p, error, dof = welch(held_a, held_b)
     slack = allowance(a, b)
     if few:
         chosen = few_events(few.draws, few.pixels, b) | few.all
-        rounded = (
-            ROUNDING * np.abs(b.mean) + a.slack + b.slack
-        )  # no rounding of ours makes light where there is none
+        # Our own rounding makes no light where there is none.
+        rounded = ROUNDING * np.abs(b.mean) + a.slack + b.slack
         p = np.where(chosen, bounded_p(few.draws, few.pixels, a.mean, b, rounded), p)
         error = np.where(chosen, np.inf, error)
     worst = int(np.argmin(p))

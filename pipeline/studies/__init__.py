@@ -1,3 +1,1 @@
-"""Questions asked of estimators and images: verify, agreement, the contact ladder, regions, penumbra
-width.
-"""
+"""Studies of estimators and images: verify, agreement, the contact ladder, regions, penumbra width."""

@@ -1,8 +1,8 @@
-"""Do all estimators show the same picture? Every pair of them, and each against a reference, with intervals.
+"""Do all estimators show the same picture? Each pair is tested, and each against a reference.
 
-Estimators that share an idea may share a mistake, and a reference of Mitsuba's may not exist: a matrix of
-independent techniques that agree is the stronger evidence. What claims to be unbiased is compared; what its
-own samples say is not to be believed is left out.
+Estimators that share an idea may share a mistake, and Mitsuba may have no reference: a matrix of independent
+techniques that agree is the stronger evidence. Only estimators that claim to be unbiased are compared; an
+image whose own samples declare it untrustworthy is left out.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ class _Row(BaseModel):
 
 
 class Member(_Row):
-    """One estimator's image. mean, se: of the image's luminance-free mean over pixels and channels. verdict:
-    "refused" if it does not apply.
+    """One estimator's image. mean, se: of the mean over pixels and channels.
+
+    verdict: "refused" if the estimator does not apply.
     """
 
     name: str
@@ -51,10 +52,10 @@ class Member(_Row):
 
 
 class Pair(_Row):
-    """Two that were compared. difference: (a - b) / b of the image means, with its 95 % interval. p: the
-    least of the image mean's and of
-    the grid's of regions; where: what it is of. smallest_detectable: the smallest relative bias of the image
-    mean that would have been seen.
+    """Two images compared. difference: (a - b) / b of the image means, with its 95 % interval.
+
+    p: the least p-value, of the image mean or of a region; where: which of them. smallest_detectable: the
+    smallest relative bias of the image mean that the test would have caught.
     """
 
     a: str
@@ -69,7 +70,7 @@ class Pair(_Row):
 
 
 class Agreement(_Row):
-    """All of a scene. agree: whether no pair differs at `alpha` for the whole matrix."""
+    """All pairs of a scene. agree: no pair differs at level `alpha` for the whole matrix."""
 
     scene: str
     spp: int
@@ -82,9 +83,7 @@ class Agreement(_Row):
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An image to be compared: its name and its moments. by_chance: whether its samples met lights by
-    chance.
-    """
+    """An image to be compared. by_chance: its samples meet lights by chance."""
 
     name: str
     moments: Moments
@@ -142,9 +141,7 @@ def agreement(
 
 
 def _chosen(estimators: Sequence[str] | None) -> list[str]:
-    """All estimators that can be compared, or those that were asked for; PenumbraError for one that is named
-    twice.
-    """
+    """All comparable estimators, or those asked for; PenumbraError for one that is named twice."""
     if estimators is None:
         return [name for name in ESTIMATORS.names() if _comparable(name, named=False)]
     if twice := [name for i, name in enumerate(estimators) if name in estimators[:i]]:
@@ -153,9 +150,7 @@ def _chosen(estimators: Sequence[str] | None) -> list[str]:
 
 
 def _comparable(name: str, named: bool) -> bool:
-    """Whether an estimator claims to be unbiased in the light; one that was asked for by name and does not is
-    an error.
-    """
+    """True if an estimator claims unbiased radiance; PenumbraError for a named one that does not."""
     estimator = ESTIMATORS[name]
     why = estimator.bias or (None if estimator.quantity == RADIANCE else "its quantity is another")
     if named and why:
@@ -166,7 +161,7 @@ def _comparable(name: str, named: bool) -> bool:
 def _render(
     built: RenderScene, name: str, spp: int, seed: int, threads: int
 ) -> tuple[Member, Candidate | None]:
-    """Seeds differ between estimators: those that share directions would else share their noise."""
+    """Render one estimator. Seeds differ, as estimators that share directions would share their noise."""
     if why := ESTIMATORS[name].refuses(built.description):
         return Member(name=name, verdict="refused", reason=why), None
     result = render(built, estimator=name, spp=spp, seed=seed, threads=threads)
@@ -185,10 +180,7 @@ def _render(
 
 
 def _standard_error(variance: NDArray[np.float64]) -> float:
-    """Of the mean over pixels and channels. variance: (h, w, 3).
-
-    The channels of a pixel share their samples: taken to go together.
-    """
+    """Of the mean over pixels and channels, these fully correlated. variance: (h, w, 3)."""
     deviation = np.sqrt(variance).mean(axis=2)
     return float(np.sqrt((deviation * deviation).sum()) / deviation.size)
 
@@ -214,11 +206,11 @@ def _pair(a: Candidate, b: Candidate, level: float) -> Pair:
 
 
 def _families(a: Candidate, b: Candidate, level: float) -> list[TestResult]:
-    """The tests of the image mean and of the regions; of the mean alone where nothing holds up the variance
-    of a region's few finds.
+    """The tests of the image mean and of the regions, or of the mean alone.
 
-    So it is where one of two estimators finds light by chance or varies far more than the other. A reference
-    knows the light of each region: there few finds have a test of their own (few_events.py).
+    A region's few events have no floor for their variance where one of two estimators finds light by chance
+    or varies far more than the other. A reference knows the light of each region: against it, few events have
+    a test of their own (few_events.py).
     """
     height, width = a.moments.mean.shape[:2]
     families = compare_images(a.moments, b.moments, (min(GRID, height), min(GRID, width)), level)[:2]

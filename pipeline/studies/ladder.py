@@ -1,5 +1,4 @@
-"""The contact ladder: a light comes down on a point, decade by decade, and each estimator is held against a
-closed form.
+"""The contact ladder: a light approaches a point decade by decade; a closed form checks each estimator.
 
 Points are exact, without camera or BVH; receiver and light are kept out of their own shadows by identity, so
 that what is tested is the estimator's arithmetic alone, from a distance of the light's size to 1e-8 of it.
@@ -195,7 +194,7 @@ def _samples(
 
 
 def _scene(light: Geometry) -> SceneDescription:
-    """A floor at y = 0, a light, and a camera that nobody looks through."""
+    """A floor at y = 0, a light, and an unused camera."""
     corners = np.array([[-2.0, 0, -2], [-2, 0, 2], [2, 0, 2], [2, 0, -2]])
     floor = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     shapes = (

@@ -1,4 +1,4 @@
-"""The two sides of a test of an image: a reference's moments, and those of a render of ours."""
+"""The moments of both sides of a test: of a reference, of a render, of replicates."""
 
 from __future__ import annotations
 
@@ -13,28 +13,25 @@ from renderer import RenderResult
 
 Array = NDArray[np.float64]
 
-# of the image mean: what the sums of a float32 renderer may leave where the truth is 0 (seen of Mitsuba:
-# 1e-8)
-FLOAT32 = 1e-6
+FLOAT32 = 1e-6  # of the image mean: rounding of a float32 renderer where the truth is 0 (Mitsuba: 1e-8)
 
 
 def of_reference(image: ReferenceImage) -> Moments:
     """A reference's moments.
 
-    One that was not sampled has no variance but the bound of its error; a sampled one FLOAT32 for a bound.
+    A deterministic one has the bound of its error and no variance; a sampled one has FLOAT32 as its bound.
     """
     if image.batches == 0:
         return Moments(image.mean, np.zeros_like(image.mean), np.inf, bound=np.sqrt(image.variance))
-    dust = FLOAT32 * float(np.abs(image.mean).mean())
-    bound = np.full_like(image.mean, dust)
+    bound = np.full_like(image.mean, FLOAT32 * float(np.abs(image.mean).mean()))
     return Moments(image.mean, image.variance, image.batches - 1, image.spp, bound)
 
 
 def of_render(result: RenderResult, spp: int) -> Moments:
     """The moments of a render of independent samples, `spp` a pixel, 2 or more.
 
-    Its largest draw is the largest reflected sample, or what light seen directly must have brought: samples
-    of a mean m and a variance v cannot all be below m + v / m. A pixel below 0 tells of negative samples,
+    Its largest draw is the largest reflected sample or, where a light is in view, the least possible maximum:
+    samples of mean m and variance v cannot all be below m + v / m. A pixel below 0 proves negative samples,
     whose range is taken to be symmetric: none is further from its pixel's mean than the root of the sum of
     squared deviations.
     """
@@ -52,9 +49,7 @@ def of_render(result: RenderResult, spp: int) -> Moments:
 
 
 def of_replicates(images: Array) -> Moments:
-    """The moments of replicates (r, h, w, 3), each of which is one draw: whatever the samples in it, they are
-    not independent.
-    """
+    """The moments of replicates (r, h, w, 3); each is one draw, as its samples are not independent."""
     least = np.minimum(np.min(images, axis=(0, 1, 2)), 0.0)
     draws = Draws(images.shape[0], least, np.max(images, axis=(0, 1, 2)))
     return replace(batch_moments(images), draws=draws)

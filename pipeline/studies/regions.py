@@ -1,19 +1,15 @@
-"""Which part of a picture is lit, penumbra, umbra, contact, the light itself, background: a visibility pass
-at many samples.
+"""The regions of a picture, by a visibility pass at many samples.
 
-For each pixel, samples of the lights are sent out from the points seen in it, by every light's best
-technique. Of those that are sent towards the point's front side, the share that arrives is its visibility.
+From the points seen in each pixel, samples go to the lights by every light's best technique. The visibility
+is the share that arrives of those sent towards the point's front side.
 
-    background   nothing is hit (an environment that is seen is `light`)
-    light        at least one sample of the pixel or of the eight around it sees emission, so that all of a
-    light's edge is here
-    contact      a surface or a light that may shade it is nearer than CONTACT times the distance to the
-    camera, as far as one of
-                 the samples' directions shows: where shadows are sharp and weights are large
-    umbra        no sample arrives, in the pixel or in any of the eight around it, or no light is sent its
-    way: the truth is exactly 0
-    lit          every sample that is sent arrives
-    penumbra     the rest: between, and the pixels that border on it
+    background   nothing is hit; a visible environment counts as `light`
+    light        a sample of the pixel or of the eight around it sees emission, which includes a light's edges
+    contact      along a sampled direction, an occluder or a light is nearer than CONTACT times the distance
+                 to the camera: shadows are sharp and weights are large
+    umbra        no sample arrives in the pixel or in the eight around it: the truth is exactly 0
+    lit          every sample arrives
+    penumbra     the rest, and the pixels that border on it
 
 Each pixel has one of these labels, in this order of precedence. The umbra of contact pixels is kept beside
 them (`dark`), since it is where a shadow's epsilon leaks. The pass shares camera, geometry and shadow test
@@ -52,8 +48,9 @@ SEED = 0x5EE  # no cell's seed, so that no estimate shares samples with the pass
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """label: (h, w) int64, see LABELS. visibility: (h, w), 0 to 1, nan in background and light. dark: (h, w),
-    where the truth is 0.
+    """label: (h, w) int64, an index into LABELS. dark: (h, w), the truth is 0.
+
+    visibility: (h, w), 0 to 1, nan in background and light.
     """
 
     label: NDArray[np.int64]
@@ -68,9 +65,7 @@ class Regions:
 
 
 def find_regions(scene: RenderScene, spp: int = SPP, threads: int = 1) -> Regions | None:
-    """The regions of a scene's picture; None for a scene without lights. spp: samples a pixel of each
-    pass.
-    """
+    """The regions of a scene's picture, from passes of `spp` samples; None for a scene without lights."""
     if not scene.sources.all:
         return None
 
@@ -161,5 +156,5 @@ def to_channels(regions: Regions) -> dict[str, Floats]:
 
 
 def from_channels(channels: dict[str, Floats]) -> Regions:
-    """What `to_channels` gave."""
+    """The inverse of `to_channels`."""
     return Regions(channels["region"].astype(np.int64), channels["visibility"], channels["dark"] > 0)

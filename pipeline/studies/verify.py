@@ -1,12 +1,12 @@
-"""Is an estimator unbiased? One render against a reference, by tests that say what they would have caught.
+"""Is an estimator unbiased? One render against a reference, by tests that state the bias they would catch.
 
-First the guard: samples whose own tail is heavy (statistics/samples.py) have no standard error to test by,
-whatever p-values come out. Then tests (statistics/welch.py) of the image mean, a grid, each region of the
-picture, and each pixel, together held to one level: alpha at most, and less where families overlap and
-channels share their samples, so that they reject together. Against an exact reference regions that few large
+First the guard: samples with a heavy tail (statistics/samples.py) have no standard error to test by, whatever
+their p-values are. Then tests (statistics/welch.py) of the image mean, a grid, each region of the picture,
+and each pixel, together held to one level: alpha at most, and less where families overlap or channels share
+their samples, so that they reject together. Against an exact reference regions that few large
 samples light, and all pixels, are tested by how large samples are (statistics/few_events.py). A verdict of
-"unbiased" is only as good as the power behind it: where a uniform bias of the limit that was asked for would
-not have been caught on the image mean with a probability of 95 %, the verdict is "inconclusive".
+"unbiased" is only as good as the power behind it: it is "inconclusive" unless the image mean would have
+shown a uniform bias of the trial's limit with a probability of 95 %.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ GRID = 4  # rows and columns at most
 
 @dataclass(frozen=True)
 class Trial:
-    """What is rendered and how it is judged.
+    """A render to be judged, and the levels to judge it by.
 
     spp: samples a pixel, in each of 32 renders where samples are not independent. alpha: the chance that an
     unbiased estimator is called biased, all tests together. bias: the relative bias of the image mean that
@@ -57,7 +57,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The estimator's side. statistics: what its samples say of themselves."""
+    """The estimator's moments, and the statistics of its samples."""
 
     moments: Moments
     statistics: SampleStatistics
@@ -65,9 +65,7 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """verdict with its reason, a sentence. level: what each family's p is held against. image: (h, w, 3), the
-    estimator's.
-    """
+    """verdict with its reason, a sentence. level: of each family. image: (h, w, 3), the estimator's."""
 
     verdict: Outcome
     reason: str
@@ -84,8 +82,7 @@ def verify(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Verification:
-    """Render the scene by the trial's estimator and test it against the reference, which must be of the same
-    scene.
+    """Render the scene by the trial's estimator and test the image against a reference of the same scene.
 
     parts: regions to test besides, by name (see `region_masks`). PenumbraError where the trial's numbers are
     out of range, and where the estimator does not apply to the scene.
@@ -95,9 +92,7 @@ def verify(
 
 
 def region_masks(scene: RenderScene, threads: int = 1) -> dict[str, Mask]:
-    """The regions of the scene's picture, "region umbra" and so on, to masks (h, w); none for a scene without
-    lights.
-    """
+    """Masks (h, w) of the picture's regions, "region umbra" and so on; none for a scene without lights."""
     found = find_regions(scene, threads=threads)
     return {f"region {name}": mask for name, mask in found.masks().items()} if found else {}
 
@@ -105,9 +100,7 @@ def region_masks(scene: RenderScene, threads: int = 1) -> dict[str, Mask]:
 def judge(
     trial: Trial, side: Side, reference: Moments, parts: Mapping[str, Mask] | None = None
 ) -> Verification:
-    """The verdict on one side of a comparison with its reference, by a family of tests each of the image, a
-    grid, each of `parts`, pixels.
-    """
+    """The verdict on an estimator's side, by one family of tests for the image, a grid, each part, pixels."""
     ours, named = side.moments, parts or {}
     height, width = ours.mean.shape[:2]
     grid = (min(GRID, height), min(GRID, width))
@@ -121,15 +114,13 @@ def judge(
 
 
 def _found_nothing(ours: Moments, reference: Moments) -> bool:
-    """Whether the estimator's image is black and the reference's is not."""
+    """True if the estimator's image is black and the reference's is not."""
     light = reference.mean > allowance(ours, reference) + 6.0 * np.sqrt(reference.variance)
     return not np.any(ours.mean) and bool(np.any(light))
 
 
 def _black(trial: Trial) -> tuple[Outcome, str]:
-    """Of an image without light: no sign of bias where light is met by chance, and a sure one where each
-    sample goes to a light.
-    """
+    """The verdict on a black image: untrustworthy where light is met by chance, else biased."""
     by_chance = trial.estimator in ESTIMATORS.names() and isinstance(
         ESTIMATORS[trial.estimator], DirectionSampling
     )
@@ -156,19 +147,18 @@ def _check(trial: Trial) -> None:
 
 
 def _draw(scene: RenderScene, trial: Trial, threads: int, progress: Progress | None) -> Side:
-    """One render of independent samples, or replicates of others, whose first one's samples are asked about
-    themselves.
-    """
+    """One render of independent samples, or replicates of others with the first one's statistics."""
 
-    def once(seed: int, told: Progress | None = None) -> RenderResult:
+    def once(seed: int, progress: Progress | None = None) -> RenderResult:
+        estimator, sampler, spp = trial.estimator, trial.sampler, trial.spp
         return render(
             scene,
-            estimator=trial.estimator,
-            sampler=trial.sampler,
-            spp=trial.spp,
+            estimator=estimator,
+            sampler=sampler,
+            spp=spp,
             seed=seed,
             threads=threads,
-            progress=told,
+            progress=progress,
         )
 
     if SAMPLERS[trial.sampler].independent:
@@ -184,9 +174,7 @@ def _draw(scene: RenderScene, trial: Trial, threads: int, progress: Progress | N
 
 
 def _verdict(trial: Trial, samples: SampleStatistics, tests: tuple[TestResult, ...]) -> tuple[Outcome, str]:
-    """untrustworthy before biased, as the tests of such samples mean nothing; biased before inconclusive, as
-    what was caught was caught.
-    """
+    """Untrustworthy first, as tests of such samples mean nothing; then biased, inconclusive, unbiased."""
     if samples.verdict != "ok":
         return "untrustworthy", f"its samples cannot tell their own error: {samples.reason}"
     rejected = [test for test in tests if test.reject]

@@ -69,8 +69,8 @@ class FakeBackend:
                 size = (wanted.spp, scene.film.height, scene.film.width, 3)
                 yield np.random.default_rng(number).random(size).mean(axis=0)
 
-        tally = accumulate(draw, scene.film, request, 1000, continuation, progress)
-        return to_image(tally, {"note": "\u03bb = 1"})
+        accumulator = accumulate(draw, scene.film, request, 1000, continuation, progress)
+        return to_image(accumulator, {"note": "\u03bb = 1"})
 
 
 @pytest.fixture

@@ -102,8 +102,10 @@ class MitsubaBackend:
             hidden = request.quantity == "ambient-occlusion"
             return run_task(Task(variant, converted, wanted.spp, seeds, hide_lights=hidden))
 
-        tally = accumulate(draw, scene.film, request, most_spp(scene.film, variant), continuation, progress)
-        return to_image(tally, self._provenance(converted, request, variant))
+        accumulator = accumulate(
+            draw, scene.film, request, most_spp(scene.film, variant), continuation, progress
+        )
+        return to_image(accumulator, self._provenance(converted, request, variant))
 
     def _provenance(self, converted: MitsubaScene, request: ReferenceRequest, variant: str) -> dict[str, str]:
         sky = (

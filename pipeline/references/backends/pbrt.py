@@ -109,7 +109,7 @@ class PbrtBackend:
                     ]
                     yield np.stack(planes * (3 // len(planes)), axis=-1)
 
-        tally = accumulate(draw, scene.film, request, SPP_A_BATCH, continuation, progress)
+        accumulator = accumulate(draw, scene.film, request, SPP_A_BATCH, continuation, progress)
         provenance = {
             "backend": self.name,
             "version": self.version(),
@@ -118,7 +118,7 @@ class PbrtBackend:
             "colour": "gray scene, one pass" if len(grays) == 1 else "one pass in gray for each channel",
             "seeds": f"batch k, pass c: SeedSequence([{request.seed}, k, c]), 31 bits",
         }
-        return to_image(tally, provenance)
+        return to_image(accumulator, provenance)
 
 
 def batch_seed(seed: int, number: int, channel: int) -> int:

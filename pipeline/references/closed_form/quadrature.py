@@ -1,5 +1,4 @@
-"""Adaptive quadrature over convex polygons in a plane, many owners (pixels) at once, with an error bound for
-each.
+"""Adaptive quadrature over convex polygons in a plane, many owners (pixels) at once, with error bounds.
 
 Polygons are cut along x into trapezoids, cells that stay trapezoids when halved in x or across. A cell's
 value is Gauss's with 7 x 7 nodes (degree 13); its error is estimated, for each of the two directions, as the
@@ -29,9 +28,7 @@ CHUNK = 512  # cells evaluated at a time
 
 
 def _nested_rules() -> tuple[Array, Array, Array]:
-    """Gauss's nodes and weights on [0, 1], (7,), and the weights of the rule of degree 5 on five of them, 0
-    on the others.
-    """
+    """Gauss's nodes and weights on [0, 1], (7,), and the weights of the degree-5 rule on five of them."""
     nodes, weights = np.polynomial.legendre.leggauss(7)
     kept, low = np.array([0, 1, 3, 5, 6]), np.zeros(7)
     low[kept] = np.linalg.solve(nodes[kept] ** np.arange(5)[:, None], [2, 0, 2 / 3, 0, 2 / 5])
@@ -43,8 +40,9 @@ _X, _W, _LOW = _nested_rules()
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Trapezoids: x from x0 to x1, s from the line l0-l1 to the line r0-r1. shape: (6, n) = x0 x1 l0 l1 r0
-    r1. owner: (n,).
+    """Trapezoids: x from x0 to x1, s from the line l0-l1 to the line r0-r1. owner: (n,).
+
+    shape: (6, n), rows x0 x1 l0 l1 r0 r1.
     """
 
     shape: Array
@@ -98,16 +96,15 @@ class Totals:
 
 
 def trapezoids(polygons: Array, owner: Index) -> Cells:
-    """Cut convex polygons (n, v, 2) in (x, s), of either orientation, repeated vertices allowed, at the x of
-    their vertices.
+    """Cut convex polygons (n, v, 2) in (x, s) into trapezoids at the x of their vertices.
+
+    Either orientation and repeated vertices are allowed.
     """
     p, q = polygons, np.roll(polygons, -1, axis=1)
     xs = np.sort(p[..., 0], axis=1)
     lo, hi = xs[:, :-1, None], xs[:, 1:, None]
-    a, b = (
-        np.where(p[..., :1] <= q[..., :1], p, q)[:, None],
-        np.where(p[..., :1] <= q[..., :1], q, p)[:, None],
-    )
+    ascending = p[..., :1] <= q[..., :1]
+    a, b = np.where(ascending, p, q)[:, None], np.where(ascending, q, p)[:, None]
     width = b[..., 0] - a[..., 0]
     spans = (a[..., 0] <= lo) & (b[..., 0] >= hi) & (width > 0)
     slope = (b[..., 1] - a[..., 1]) / np.where(spans, width, 1.0)
@@ -126,8 +123,7 @@ def sums(owner: Index, values: Array, owners: int) -> Array:
 
 
 def integrate(cells: Cells, f: Integrand, scale: Array, tolerance: float) -> Totals:
-    """Integrate f over the cells of each owner until each one's error bound is about `tolerance` times its
-    scale.
+    """Integrate f over each owner's cells until the error bound is about `tolerance` times the scale.
 
     scale: (owners,), the size of integral that matters. A cell is accepted below 1/16 of its owner's
     tolerance.

@@ -1,5 +1,4 @@
-"""Irradiance at exact points from one diffuse light without occluders: polygons, disks, spheres, and a knife
-edge.
+"""Irradiance at exact points from one unoccluded diffuse polygon, disk or sphere, and behind a knife edge.
 
 All is float64 and vectorised over points. Public arrays are (n, 3); `radiance` is a number, giving (n,), or
 (3,), giving (n, 3). Irradiance is in W/m^2 for radiance in W/(m^2 sr); a Lambertian receiver of albedo rho
@@ -11,7 +10,7 @@ after clipping at the receiver's horizon. Its edge terms cancel to the polygon's
 angular size of SMALL_POLYGON a positive cubature takes over. What is left is an absolute error of a few 1e-16
 times the radiance, which shows in relative terms only for slivers: thin pieces above the horizon, or a light
 seen edge-on by a receiver that is not perpendicular to it.
-Disks and spheres: see radiometry_cone.
+Disks and spheres: see cone.py.
 """
 
 from __future__ import annotations
@@ -57,8 +56,7 @@ def disk_irradiance(
     *,
     two_sided: bool = False,
 ) -> Array:
-    """Irradiance from a disk at any orientation, clipped at each receiver's horizon; a closed form
-    throughout.
+    """Irradiance from a disk at any orientation, clipped at each receiver's horizon.
 
     points: (n, 3). normals: (n, 3) or (3,), unit. center, normal (unit, the emitting side): (3,) or (n, 3).
     radius: a number or (n,). Returns (n,) or (n, 3). The conditioning is that of the distance to the rim: at
@@ -173,8 +171,9 @@ def _area_vector(shape: Array) -> Array:
 
 
 def _clip(shape: Array, distance: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Sutherland-Hodgman for one plane: shape (3, v, n), signed distance of the vertices (v, n) -> (3, v + 1,
-    n), count (n,).
+    """Sutherland-Hodgman for one plane: polygons (3, v + 1, n) and their vertex counts (n,).
+
+    shape: (3, v, n). distance: (v, n), signed, of the vertices.
     """
     following, d1 = np.roll(shape, -1, axis=1), np.roll(distance, -1, axis=0)
     inside, crossing = distance > 0, (distance > 0) != (d1 > 0)
@@ -191,8 +190,9 @@ def _clip(shape: Array, distance: Array) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _polygon(base: Array, shape: Array, n: Array, two_sided: bool, facing: Array | None = None) -> Array:
-    """Irradiance (n,) per unit radiance of polygons `base + shape`; `facing` is the light's normal where
-    `shape` is a part of it.
+    """Irradiance (n,) per unit radiance of polygons `base + shape`.
+
+    facing: the normal of the whole light where `shape` is a part of it.
     """
     side = -dot(_area_vector(shape) if facing is None else facing, base)
     height = dot(n, base) + dot(n[:, None], shape)
@@ -225,9 +225,7 @@ def _above_horizon(base: Array, shape: Array, n: Array) -> Array:
 
 
 def _contour(v: Array, shape: Array, n: Array) -> Array:
-    """Lambert's sum over edges; v_i x v_(i+1) is taken as v_i x edge, and an edge seen end-on adds
-    nothing.
-    """
+    """Lambert's sum over edges, v_i x v_(i+1) taken as v_i x edge; an edge seen end-on adds nothing."""
     k = cross(v, np.roll(shape, -1, axis=1) - shape)
     sine = np.sqrt(dot(k, k))
     angle = np.arctan2(sine, dot(v, np.roll(v, -1, axis=1)))
@@ -235,9 +233,7 @@ def _contour(v: Array, shape: Array, n: Array) -> Array:
 
 
 def _cubature(v0: Array, extent: Array, n: Array) -> Array:
-    """Gauss over the triangles of the fan at the first vertex: the integrand (n . r)(normal . r) / |r|^4 is
-    smooth and positive.
-    """
+    """Gauss over the fan at the first vertex; the integrand (n . r)(normal . r) / |r|^4 is positive."""
     e1, e2 = extent[:, 1:-1], extent[:, 2:]
     weight = np.abs(dot(cross(e1, e2), v0[:, None]))
     e = np.zeros(v0.shape[1])

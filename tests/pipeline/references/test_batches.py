@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.references.accumulator import Precision, Tally, empty_tally, precision
-from pipeline.references.batches import Batches, accumulate, met, missing, to_image, to_tally
+from pipeline.references.accumulator import Accumulator, Precision, empty_accumulator, precision
+from pipeline.references.batches import Batches, accumulate, met, missing, to_accumulator, to_image
 from pipeline.references.protocol import Continuation, Image, ReferenceRequest
 from scenes.description.scene import Film
 from scenes.errors import PenumbraError
@@ -26,11 +26,11 @@ def draw(wanted: Batches) -> Generator[Image]:
         yield 2 + np.random.default_rng(number).normal(size=SHAPE) / np.sqrt(wanted.spp)
 
 
-def tally_of(images: list[Image], sizes: list[int]) -> Tally:
-    tally = empty_tally(4, 6)
+def accumulated(images: list[Image], sizes: list[int]) -> Accumulator:
+    accumulator = empty_accumulator(4, 6)
     for image, spp in zip(images, sizes, strict=True):
-        tally = tally.add(image, spp, 0.5)
-    return tally
+        accumulator = accumulator.add(image, spp, 0.5)
+    return accumulator
 
 
 def test_equal_batches_are_accumulated_as_numpy_would():
@@ -38,10 +38,10 @@ def test_equal_batches_are_accumulated_as_numpy_would():
     it.
     """
     images = 1e4 + np.random.default_rng(2).normal(size=(24, *SHAPE))
-    tally = tally_of(list(images), [5] * 24)
-    np.testing.assert_allclose(tally.mean, images.mean(axis=0), rtol=1e-14)
-    np.testing.assert_allclose(tally.variance, images.var(axis=0, ddof=1) / 24, rtol=1e-8)
-    assert (tally.spp, tally.batches, tally.seconds) == (120, 24, 12.0)
+    accumulator = accumulated(list(images), [5] * 24)
+    np.testing.assert_allclose(accumulator.mean, images.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(accumulator.variance, images.var(axis=0, ddof=1) / 24, rtol=1e-8)
+    assert (accumulator.spp, accumulator.batches, accumulator.seconds) == (120, 24, 12.0)
 
 
 def test_the_variance_is_unbiased_for_batches_of_any_sizes():
@@ -54,28 +54,29 @@ def test_the_variance_is_unbiased_for_batches_of_any_sizes():
     rng, sizes = np.random.default_rng(7), [1, 1, 2, 30]
     said, errors = [], []
     for _ in range(4000):
-        tally = tally_of([2 + rng.normal(size=SHAPE) / np.sqrt(spp) for spp in sizes], sizes)
-        said.append(tally.variance.mean())
-        errors.append(((tally.mean - 2) ** 2).mean())
+        accumulator = accumulated([2 + rng.normal(size=SHAPE) / np.sqrt(spp) for spp in sizes], sizes)
+        said.append(accumulator.variance.mean())
+        errors.append(((accumulator.mean - 2) ** 2).mean())
     assert np.mean(said) == pytest.approx(1 / 34, rel=0.01)
     assert np.mean(errors) == pytest.approx(1 / 34, rel=0.01)
 
 
 def test_one_batch_knows_no_variance():
-    assert np.isinf(tally_of([np.ones(SHAPE)], [4]).variance).all()
+    assert np.isinf(accumulated([np.ones(SHAPE)], [4]).variance).all()
 
 
 @pytest.mark.parametrize(
     ("spp", "batches", "most"), [(4096, 64, 10_000), (64, 64, 4), (100, 7, 10), (10**6, 64, 99)]
 )
 def test_a_request_is_met_and_not_by_far(spp: int, batches: int, most: int):
-    tally, request = empty_tally(1, 1), ReferenceRequest(spp, batches)
-    while wanted := missing(tally, request, most):
-        assert wanted.first == tally.batches and 1 <= wanted.spp <= most
-        spp_now, batches_now = tally.spp + wanted.count * wanted.spp, tally.batches + wanted.count
-        tally = replace(tally, spp=spp_now, batches=batches_now)
+    accumulator, request = empty_accumulator(1, 1), ReferenceRequest(spp, batches)
+    while wanted := missing(accumulator, request, most):
+        assert wanted.first == accumulator.batches and 1 <= wanted.spp <= most
+        spp_now, batches_now = accumulator.spp + wanted.count * wanted.spp, accumulator.batches + wanted.count
+        accumulator = replace(accumulator, spp=spp_now, batches=batches_now)
     assert (
-        tally.batches >= batches and spp <= tally.spp < spp + max(batches, wanted.spp if wanted else 0) + most
+        accumulator.batches >= batches
+        and spp <= accumulator.spp < spp + max(batches, wanted.spp if wanted else 0) + most
     )
 
 
@@ -88,10 +89,10 @@ def test_an_interrupted_reference_comes_out_as_if_it_had_not_been():
     request = ReferenceRequest(1000, 64)
     whole = accumulate(draw, FILM, request, 10_000)
     for cut in (1, 2, 63):
-        kept: list[Tally] = []
+        kept: list[Accumulator] = []
 
-        def stop(tally: Tally, kept: list[Tally] = kept, cut: int = cut) -> None:
-            kept.append(tally)
+        def stop(accumulator: Accumulator, kept: list[Accumulator] = kept, cut: int = cut) -> None:
+            kept.append(accumulator)
             if len(kept) == cut:
                 raise _Stop
 
@@ -112,7 +113,7 @@ def test_more_later_adds_batches_and_never_draws_one_twice():
 
     first = to_image(accumulate(counted, FILM, ReferenceRequest(640, 64), 10_000), {})
     assert met(first, ReferenceRequest(640, 64)) and not met(first, ReferenceRequest(6400, 64))
-    more = accumulate(counted, FILM, ReferenceRequest(6400, 64), 10_000, Continuation(to_tally(first)))
+    more = accumulate(counted, FILM, ReferenceRequest(6400, 64), 10_000, Continuation(to_accumulator(first)))
     assert numbers == list(range(more.batches)) and 6400 <= more.spp <= 6500
     assert more.variance.mean() == pytest.approx(1 / more.spp, rel=0.2)
     assert accumulate(counted, FILM, ReferenceRequest(64, 64), 9, Continuation(more)) is more
@@ -121,9 +122,9 @@ def test_more_later_adds_batches_and_never_draws_one_twice():
 def test_a_target_is_reached_and_not_overshot_by_much():
     """The standard error of a sample is half the mean of 2: a target of 1 % takes 2,500 samples."""
     shares: list[float] = []
-    tally = accumulate(draw, FILM, ReferenceRequest(128, 64, target=0.01), 10_000, None, shares.append)
-    assert precision(tally.mean, tally.variance).excess(0.01) <= 1
-    assert 1800 < tally.spp < 4500
+    accumulator = accumulate(draw, FILM, ReferenceRequest(128, 64, target=0.01), 10_000, None, shares.append)
+    assert precision(accumulator.mean, accumulator.variance).excess(0.01) <= 1
+    assert 1800 < accumulator.spp < 4500
     assert shares == sorted(shares) and shares[-1] == 1.0
 
 

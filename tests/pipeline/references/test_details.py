@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.references.accumulator import Tally, precision
+from pipeline.references.accumulator import Accumulator, precision
 from pipeline.references.batches import Batches, accumulate, missing
 from pipeline.references.pbrt.channels import gray_scenes
 from pipeline.references.protocol import Image, ReferenceRequest
@@ -33,9 +33,9 @@ def test_no_batch_is_drawn_twice_on_the_way_to_a_target() -> None:
             drawn.append(number)
             yield 2 + np.random.default_rng(number).normal(size=(4, 6, 3)) / np.sqrt(wanted.spp)
 
-    tally = accumulate(draw, Film(6, 4), ReferenceRequest(spp=8, batches=4, target=0.02), 1000)
-    assert tally.batches > 4
-    assert drawn == list(range(tally.batches))
+    accumulator = accumulate(draw, Film(6, 4), ReferenceRequest(spp=8, batches=4, target=0.02), 1000)
+    assert accumulator.batches > 4
+    assert drawn == list(range(accumulator.batches))
 
 
 def test_a_pixels_error_is_the_root_mean_square_of_its_channels() -> None:
@@ -51,8 +51,8 @@ def test_half_the_error_takes_four_times_the_samples() -> None:
     """
     batches, spp = 16, 64
     m2 = np.full((4, 6, 3), 0.04 * spp * (batches - 1))  # a relative error of 0.2 / 1
-    tally = Tally(np.ones((4, 6, 3)), m2, spp, batches)
-    wanted = missing(tally, ReferenceRequest(spp=spp, batches=batches, target=0.1), 1000)
+    accumulator = Accumulator(np.ones((4, 6, 3)), m2, spp, batches)
+    wanted = missing(accumulator, ReferenceRequest(spp=spp, batches=batches, target=0.1), 1000)
     assert wanted is not None and wanted.first == batches
     assert 205 <= wanted.count * wanted.spp < 205 + wanted.spp
 

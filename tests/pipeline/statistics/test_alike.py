@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.schema.record import SampleStatistics
 from pipeline.statistics.few_events import bounded_p, few_events
-from pipeline.statistics.moments import Draws, Moments, with_excess
+from pipeline.statistics.moments import Draws, Moments, floor_by_excess
 from pipeline.statistics.welch import TestResult, compare_images, vary_alike, welch
 from pipeline.studies.verify import Side, Trial, judge
 
@@ -86,10 +86,10 @@ def test_finds_on_top_of_what_all_samples_see_raise_no_alarm() -> None:
 
 def test_the_excess_is_that_of_the_surroundings_and_none_where_both_vary_alike() -> None:
     same = Moments(np.ones(SHAPE), np.full(SHAPE, 0.01), 63, 64)
-    assert np.array_equal(with_excess(same, same).variance, same.variance)
+    assert np.array_equal(floor_by_excess(same, same).variance, same.variance)
     more = np.full(SHAPE, 0.01)
     more[12, 16] += 8.1
-    held = with_excess(Moments(np.ones(SHAPE), more, 63, 64), same).variance
+    held = floor_by_excess(Moments(np.ones(SHAPE), more, 63, 64), same).variance
     np.testing.assert_allclose(held[12, 18], 0.01 + 8.1 / 81)  # within 9 x 9
     np.testing.assert_allclose(held[12, 24], 0.01 + 8.1 / 729)  # within 27 x 27
     np.testing.assert_allclose(held[12, 16], more[12, 16])

@@ -13,7 +13,7 @@ from scipy import stats
 import scenes
 from pipeline.references.protocol import BACKENDS, ReferenceImage, ReferenceRequest
 from pipeline.schema.record import SampleStatistics
-from pipeline.statistics.moments import Draws, Moments, reduced
+from pipeline.statistics.moments import Draws, Moments, over_grid
 from pipeline.studies.moments import FLOAT32, of_reference, of_render, of_replicates
 from pipeline.studies.verify import Side, Trial, Verification, judge, region_masks, verify
 from renderer import build, render
@@ -146,7 +146,7 @@ def test_an_error_bound_adds_up_over_a_region() -> None:
     """
     bounded = ReferenceImage(truth(), (1e-3 * truth()) ** 2, 0, 0, 0.0, {})
     reference = of_reference(bounded)
-    assert reduced(reference, (1, 1)).slack == pytest.approx(
+    assert over_grid(reference, (1, 1)).slack == pytest.approx(
         1e-3 * reference.mean.mean(axis=(0, 1))[None, None]
     )
     within = replace(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.references.accumulator import Tally
+from pipeline.references.accumulator import Accumulator
 from pipeline.references.backends import mitsuba
 from pipeline.references.backends.mitsuba import MitsubaBackend, Probe
 from pipeline.references.mitsuba import process as mitsuba_process
@@ -104,11 +104,11 @@ def test_no_call_is_too_large():
 
 def test_interrupted_and_gone_on_with_it_comes_out_the_same():
     """To the last bit, and the worker of the interrupted call is gone."""
-    request, kept = ReferenceRequest(64, 8), list[Tally]()
+    request, kept = ReferenceRequest(64, 8), list[Accumulator]()
 
-    def keep(tally: Tally) -> None:
-        kept.append(tally)
-        if tally.batches == 3:
+    def keep(accumulator: Accumulator) -> None:
+        kept.append(accumulator)
+        if accumulator.batches == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
