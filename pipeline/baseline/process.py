@@ -1,11 +1,9 @@
-"""Running `worker` and taking what it drew."""
+"""Run `worker` in a process of its own and take its images."""
 
 from __future__ import annotations
 
-import os
 import pickle
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -22,6 +20,7 @@ from pipeline.baseline.scene import convert
 from pipeline.baseline.task import Array, Task
 from pipeline.baseline.worker import TASKS, result_file
 from pipeline.extras import require_extra, version_of
+from pipeline.references.subprocesses import last_words, worker_command, worker_environment
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
@@ -89,9 +88,7 @@ def versions() -> dict[str, str]:
 
 
 def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:
-    """What the worker wrote of each, and on which platform; PenumbraError with each platform's last words if
-    none works.
-    """
+    """The worker's results and its platform; PenumbraError with each platform's last words if none works."""
     said: list[str] = []
     with tempfile.TemporaryDirectory(prefix="penumbra-pyrender-") as name:
         folder = Path(name)
@@ -111,24 +108,18 @@ def _read(path: Path) -> _Found:
 
 def _try(folder: Path, platform: str) -> str | None:
     """Draw on a platform; its last words if that fails."""
-    command = [sys.executable, "-P", "-m", worker.__name__, str(folder)]
+    command = worker_command(worker.__name__, folder)
     try:
         done = subprocess.run(
             command, env=_environment(platform), capture_output=True, text=True, timeout=SECONDS, check=False
         )
     except subprocess.TimeoutExpired:
         return f"no answer in {SECONDS} s"
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    return None if done.returncode == 0 else lines[-1] if lines else f"ended with code {done.returncode}"
+    if done.returncode == 0:
+        return None
+    return last_words(done.stderr, lines=1) or f"ended with code {done.returncode}"
 
 
 def _environment(platform: str) -> dict[str, str]:
-    path = (str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", ""))
-    one_thread = {
-        "LP_NUM_THREADS": "0"
-    }  # of Mesa's llvmpipe: times are those of one thread, as all of a run's are
-    return (
-        os.environ
-        | {"PYTHONPATH": os.pathsep.join(filter(None, path)), "PYOPENGL_PLATFORM": platform}
-        | one_thread
-    )
+    # One thread of Mesa's llvmpipe, as for all times of a run.
+    return worker_environment(PYOPENGL_PLATFORM=platform, LP_NUM_THREADS="0")

@@ -37,6 +37,7 @@ from pipeline.references.protocol import (
     require,
     unlit,
 )
+from pipeline.references.subprocesses import last_words
 from pipeline.store.keys import imported_code
 from scenes.description.lights import environments
 from scenes.description.scene import RenderDefaults, SceneDescription
@@ -48,7 +49,6 @@ from scenes.pbrt.write.scene import ExportedScene, export
 VARIABLE = "PENUMBRA_PBRT"
 SPP_A_BATCH = 4096
 SCENE, IMAGE, SAID = "scene.pbrt", "image.exr", "said.txt"
-LINES = 4  # of what a failed pbrt said
 HOUR = 3600.0
 
 
@@ -222,9 +222,8 @@ def _run(
 
 def _last(said: Path) -> str:
     """The last lines of what pbrt said, after a colon."""
-    lines = said.read_text(errors="replace").splitlines()
-    kept = [line.strip() for line in lines if line.strip()][-LINES:]
-    return f": {' | '.join(kept)}" if kept else "; it said nothing"
+    last = last_words(said.read_text(errors="replace"))
+    return f": {last}" if last else "; it said nothing"
 
 
 def _read(path: Path, scene: SceneDescription) -> Image:

@@ -1,4 +1,4 @@
-"""Running `mitsuba_worker` and taking its batches from it, one by one."""
+"""Run `worker` in a process of its own and take its batches one by one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import importlib.metadata
 import os
 import pickle
 import subprocess
-import sys
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
@@ -16,15 +15,14 @@ import numpy as np
 from pipeline.references.mitsuba import worker as mitsuba_worker
 from pipeline.references.mitsuba.worker import BATCH, LIFT, TASK, Task, batch_file
 from pipeline.references.protocol import Image
+from pipeline.references.subprocesses import last_words, worker_command, worker_environment
 from scenes.errors import PenumbraError
 
-MOST_LIFT = 0.25  # pixels; a shadow's edge may be that far off
+MOST_LIFT = 0.25  # pixels: the error of a shadow's edge that is accepted
 
 
 def llvm_library() -> str | None:
-    """The LLVM that Dr.Jit shall use: DRJIT_LIBLLVM_PATH where it is set, else the one of the wheel
-    karellen-llvm-core.
-    """
+    """The path of Dr.Jit's LLVM: DRJIT_LIBLLVM_PATH if set, else of the wheel karellen-llvm-core."""
     if os.environ.get("DRJIT_LIBLLVM_PATH"):
         return os.environ["DRJIT_LIBLLVM_PATH"]
     try:
@@ -38,8 +36,8 @@ def llvm_library() -> str | None:
 
 
 def command(folder: Path) -> list[str]:
-    """What renders the task in `folder`."""
-    return [sys.executable, "-P", "-m", mitsuba_worker.__name__, str(folder)]
+    """The command that renders the task in `folder`."""
+    return worker_command(mitsuba_worker.__name__, folder)
 
 
 def run_task(task: Task) -> Generator[Image]:
@@ -62,14 +60,13 @@ def run_task(task: Task) -> Generator[Image]:
                     process.kill()
                     raise
             stderr.seek(0)
-            lines = [line.strip() for line in (*said, *stderr.readlines()) if line.strip()]
+            last = last_words("".join(said) + stderr.read()) or "it said nothing"
         if process.returncode != 0:
-            last = " | ".join(lines[-4:]) or "it said nothing"
             raise PenumbraError(f"Mitsuba ({task.variant}) failed with code {process.returncode}: {last}")
 
 
 def _batches(process: subprocess.Popen[str], folder: Path, said: list[str]) -> Generator[Image]:
-    """What the worker's lines announce; its other lines go to `said`."""
+    """The images that the worker's lines announce; its other lines go to `said`."""
     assert process.stdout is not None
     for line in process.stdout:
         if line.startswith(BATCH):
@@ -86,13 +83,12 @@ def _batches(process: subprocess.Popen[str], folder: Path, said: list[str]) -> G
 def _check_lift(lift: float) -> None:
     if lift > MOST_LIFT:
         raise PenumbraError(
-            f"Mitsuba's rays start up to {lift:.2g} pixels off the surfaces in view (at most {MOST_LIFT} is accepted): "  # noqa: E501
-            "this view is too close, or too far from the lights, for its float32"
+            f"Mitsuba's rays start up to {lift:.2g} pixels off the surfaces in view "
+            f"(at most {MOST_LIFT} is accepted): this view is too close, "
+            "or too far from the lights, for its float32"
         )
 
 
 def _environment() -> dict[str, str]:
-    path = (str(Path(mitsuba_worker.__file__).parents[3]), os.environ.get("PYTHONPATH", ""))
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, path))}
     library = llvm_library()
-    return environment | ({"DRJIT_LIBLLVM_PATH": library} if library else {})
+    return worker_environment(**({"DRJIT_LIBLLVM_PATH": library} if library else {}))

@@ -1,4 +1,4 @@
-"""Which seed each call of Mitsuba gets, so that no two calls of a series share random numbers."""
+"""The seed of each call of Mitsuba: no two calls of a series share random numbers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from scenes.errors import PenumbraError
 
 MOST_CALLS = (
     2**16
-)  # of one series: its seeds are drawn at once, so that the first ones are the same however many follow
+)  # of one series: all seeds are drawn at once, so that the first do not depend on the number
 BLOCK = 32 * 32  # the scalar variant counts seeds in blocks of this many pixels
 
 
 def seeds_for(seed: int, film: Film, variant: str, first: int, count: int) -> tuple[int, ...]:
-    """The 32-bit seeds of calls number first .. first + count - 1 of the series `seed`, drawn without
-    replacement.
+    """The 32-bit seeds of calls first .. first + count - 1 of the series, drawn without replacement.
 
     The LLVM variant hashes seeds: any that differ will do. The scalar variant does not. It gives pixel i of a
     call the stream seed * pixels + i, counting in whole blocks, of which there are more pixels than the image
@@ -34,8 +33,8 @@ def seeds_for(seed: int, film: Film, variant: str, first: int, count: int) -> tu
     slots = 2**32 // (stride * pixels) if scalar else 2**32
     if min(slots, MOST_CALLS) < first + count:
         raise PenumbraError(
-            f"{film.width} x {film.height} pixels are too many for {first + count} calls of Mitsuba's {variant} "  # noqa: E501
-            f"(at most {min(slots, MOST_CALLS)}): ask for a smaller image or fewer samples"
+            f"{film.width} x {film.height} pixels are too many for {first + count} calls of Mitsuba's "
+            f"{variant} (at most {min(slots, MOST_CALLS)}): ask for a smaller image or fewer samples"
         )
     return tuple(int(slot) * stride for slot in _slots(seed, slots)[first : first + count])
 

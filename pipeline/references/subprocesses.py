@@ -1,0 +1,28 @@
+"""Workers in processes of their own: how one is called, its environment, and its last words."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]  # holds the packages, installed or not
+
+
+def worker_command(module: str, folder: Path) -> list[str]:
+    """The command that runs a worker module on the task in a folder.
+
+    -P keeps packages of the current folder from hiding ours.
+    """
+    return [sys.executable, "-P", "-m", module, str(folder)]
+
+
+def worker_environment(**variables: str) -> dict[str, str]:
+    """This process's environment, with our packages importable and `variables` set."""
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
+    return os.environ | {"PYTHONPATH": path} | variables
+
+
+def last_words(text: str, lines: int = 4) -> str:
+    """The last lines of a process's output on one line, empty where it wrote nothing."""
+    return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-lines:])
