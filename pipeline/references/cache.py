@@ -1,15 +1,13 @@
-"""References kept by what they depend on: scene content, backend and its version, quantity, seed.
+"""References on disk, keyed by all that they depend on: scene, backend and version, quantity, seed.
 
-    <key>/{reference.exr,reference.npz,provenance.json,SHA256SUMS}   a reference: mean, variance and count to
-    look at; the same in float64
-    <key>.unfinished                                                 batches of one that was interrupted,
-    checksum first
+    <key>/reference.exr, reference.npz   mean, variance and count, to look at and in float64
+    <key>/provenance.json, SHA256SUMS    their origin and seal
+    <key>.unfinished                     batches of an interrupted reference, checksum first
 
-How many samples are wanted is no part of the key: who asks for more adds batches to those that are there. A
-folder is written aside and sealed with checksums (see `pipeline.store.sealed_folder`), and what is in
-<key>.unfinished is removed only after that, so that a process killed at any moment loses what it drew since
-it last saved, about a second's work, and nothing else. Of two processes that want the same reference one
-waits for the other.
+The number of samples is no part of the key: a request for more adds batches to the stored ones. A folder is
+written aside and sealed with checksums (see `pipeline.store.sealed_folder`); <key>.unfinished is removed only
+after that. A process killed at any moment loses the samples since its last save, about a second's work. Of
+two processes that want the same reference one waits for the other.
 """
 
 from __future__ import annotations

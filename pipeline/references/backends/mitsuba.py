@@ -1,7 +1,7 @@
-"""Mitsuba 3 as a reference: the parent's side. Rendering is in `mitsuba_worker`, in a process of its own.
+"""Mitsuba 3 as a reference: this process's side; mitsuba/worker.py renders in a process of its own.
 
-Batches of different seeds, accumulated in float64: the spread of their means gives the variance of the mean,
-which nothing inside one Mitsuba render does; and more than about 10,000 samples a pixel in one call lose
+Batches of different seeds are accumulated in float64. The spread of their means gives the variance of the
+mean, which no single Mitsuba render does; and more than about 10,000 samples a pixel in one call lose
 float32's precision.
 """
 
@@ -46,7 +46,7 @@ SAMPLES_A_CALL = 2**24  # of all pixels together; measured, one such call takes 
 
 @dataclass(frozen=True)
 class Probe:
-    """What trying one variant gave: `detail` is its LLVM and time, or why it failed."""
+    """The outcome of trying one variant: `detail` is its LLVM and time, or the reason of its failure."""
 
     variant: str
     ok: bool
@@ -54,9 +54,7 @@ class Probe:
 
 
 class MitsubaBackend:
-    """Direct light by multiple importance sampling, lights visible: what pbrt's `path` with maxdepth 1
-    gives.
-    """
+    """Direct light by multiple importance sampling, lights visible, as pbrt's `path` with maxdepth 1."""
 
     name = "mitsuba"
 
@@ -68,9 +66,6 @@ class MitsubaBackend:
         return f"mitsuba {version} {working_variant()} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """No lights, two-sided lights, a camera or a patch without counterpart, or a gap that Mitsuba's rays
-        overlook.
-        """
         if quantity == "ambient-occlusion" and np.isfinite(scene.occlusion_distance):
             return (
                 "Mitsuba has no ambient occlusion that ends, and this scene's does, after "
@@ -88,9 +83,6 @@ class MitsubaBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """Render at least what `request` asks for, in whole batches; PenumbraError if refused or if Mitsuba
-        fails.
-        """
         require(self, scene, request.quantity)
         converted, variant = (
             mitsuba_scene.convert(_what_to_render(scene, request.quantity)),
@@ -120,7 +112,7 @@ class MitsubaBackend:
             "integrator": f"direct, 1 emitter and 1 BSDF sample, MIS{sky}",
             "seeds": (
                 f"batch k: number k of numpy's default_rng({request.seed}), without replacement "
-                "(mitsuba_seeds.py)"
+                "(mitsuba/seeds.py)"
             ),
         } | converted.notes
 
@@ -142,9 +134,7 @@ def probe_variants() -> list[Probe]:
 
 
 def working_variant() -> str:
-    """The fastest variant that works here, found out once a process; PenumbraError with the reasons if none
-    does.
-    """
+    """The fastest variant that works here, tried once a process; PenumbraError with the reasons if none."""
     failures: list[str] = []
     for variant in VARIANTS:
         probe = _probe(variant)

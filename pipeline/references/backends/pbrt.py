@@ -1,12 +1,11 @@
-"""pbrt-v4 as a reference: the user's own binary, run on the exported scene, in a process of its own for every
-batch.
+"""pbrt-v4 as a reference: the user's own binary, run on the exported scene once for every batch.
 
 pbrt multiplies spectra where we multiply RGB: gray reflectances under coloured light agree to 0.1 %,
 saturated ones do not (albedo .8 .3 .1 under light 20 15 10 reads .955, .995, .806 of the product). Gray
-scenes agree exactly, so that a scene that is not gray is rendered once for each channel, every colour in it
-being that channel's value.
+scenes agree exactly: a coloured scene is rendered once for each channel, with that channel's value for every
+colour.
 
-`--seed` is silently ignored where the file names a seed: what is exported here names none.
+pbrt silently ignores `--seed` where the file names a seed: the exported file names none.
 """
 
 from __future__ import annotations
@@ -53,8 +52,9 @@ HOUR = 3600.0
 
 
 class PbrtBackend:
-    """pbrt-v4's `path` with maxdepth 1, or its `ambientocclusion`, by the binary `pbrt` on PATH or the one
-    named in PENUMBRA_PBRT.
+    """pbrt-v4's `path` with maxdepth 1, or its `ambientocclusion`.
+
+    The binary is PENUMBRA_PBRT's, else `pbrt` on PATH.
     """
 
     name = "pbrt"
@@ -72,7 +72,6 @@ class PbrtBackend:
         return f"pbrt-v4 {content} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """That there is no pbrt here, no lights, or no pbrt text for the scene."""
         if quantity == "radiance" and (why := unlit(scene)):
             return why
         try:
@@ -90,9 +89,6 @@ class PbrtBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """Render at least what `request` asks for; PenumbraError with what pbrt said if it fails, or with why
-        it is refused.
-        """
         require(self, scene, request.quantity)
         binary = _binary()
         grays = passes(scene, request.quantity)
@@ -127,7 +123,7 @@ def batch_seed(seed: int, number: int, channel: int) -> int:
 
 
 def passes(scene: SceneDescription, quantity: Quantity) -> list[SceneDescription]:
-    """The scenes whose gray images are the channels of this one's; one where all channels are the same."""
+    """The scenes whose gray images are the channels of this scene's; one if all channels are equal."""
     if quantity == "ambient-occlusion":
         return [bare_scene(scene)]
     return gray_scenes(scene)
@@ -192,7 +188,7 @@ def _run(
 ) -> Image:
     """One gray image (h, w) by pbrt.
 
-    What it says goes to a file: a pipe would wait for whatever it may have started.
+    Its output goes to a file: a pipe would wait for pbrt's own child processes.
     """
     image = folder / IMAGE
     image.unlink(missing_ok=True)
@@ -221,7 +217,7 @@ def _run(
 
 
 def _last(said: Path) -> str:
-    """The last lines of what pbrt said, after a colon."""
+    """The last lines of pbrt's output, after a colon."""
     last = last_words(said.read_text(errors="replace"))
     return f": {last}" if last else "; it said nothing"
 
