@@ -24,11 +24,14 @@ help:
 demo: env
 	@$(BIN)/penumbra demo
 
+# Two workers share the tests and one folder of references.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
+
 test: system-parts
-	$(BIN)/python -m pytest $(ARGS)
+	$(PYTEST) $(ARGS)
 
 test-all: system-parts
-	PENUMBRA_SLOW=1 $(BIN)/python -m pytest $(ARGS)
+	PENUMBRA_SLOW=1 $(PYTEST) $(ARGS)
 
 check: env-dev
 	$(UV) lock --check --quiet

@@ -53,19 +53,19 @@ def found(name: str, size: dict[str, float], spp: int, root) -> tuple[dict[tuple
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in scenes.library()])
-def test_all_estimators_agree_on_every_scene(name, tmp_path):
+def test_all_estimators_agree_on_every_scene(name, shared_references):
     """0.1 % of false alarms a scene. The least noisy pair of each scene would have shown a bias of the image
     mean of 3 %,
     lamps in view excepted."""
-    _, best = found(name, SMALL, 64, tmp_path)
+    _, best = found(name, SMALL, 64, shared_references)
     assert name in DARK | IN_VIEW or best < 0.03
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [entry.name for entry in scenes.library()])
-def test_all_estimators_agree_closely(name, tmp_path):
+def test_all_estimators_agree_closely(name, shared_references):
     """As above with 6 times the pixels and 8 times the samples."""
-    _, best = found(name, LARGE, 512, tmp_path)
+    _, best = found(name, LARGE, 512, shared_references)
     assert name in DARK | IN_VIEW or best < 0.006
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,14 +37,14 @@ Parts = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def setting(tmp_path_factory: pytest.TempPathFactory) -> tuple[RenderScene, ReferenceImage, Parts]:
+def setting(shared_references: Path) -> tuple[RenderScene, ReferenceImage, Parts]:
     """The scene, its reference (64 batches of 64 samples) and its regions, made before anything is
     mutated.
     """
     description = moved(scenes.load("soft-shadow", SIZE), SCALE, np.zeros(3))
     request = ReferenceRequest(spp=64 * 64, batches=64)
     built = build(description)
-    stored = reference_for(description, "mitsuba", request, tmp_path_factory.mktemp("references"))
+    stored = reference_for(description, "mitsuba", request, shared_references)
     return built, stored.image, region_masks(built, threads=2)
 
 

@@ -53,18 +53,17 @@ def cases(sampler: str) -> list[Any]:
     """
     return [
         pytest.param(name, estimator, marks=[] if estimator in QUICK[sampler] else [pytest.mark.slow])
-        for name in SCENES
+        for name, loaded in ((name, scenes.load(name)) for name in SCENES)
         for estimator in ESTIMATORS.names()
         if ESTIMATORS[estimator].quantity == RADIANCE
         and not ESTIMATORS[estimator].bias
-        and not ESTIMATORS[estimator].refuses(scenes.load(name))
+        and not ESTIMATORS[estimator].refuses(loaded)
     ]
 
 
 @pytest.fixture(scope="module")
-def references(tmp_path_factory):
-    root = tmp_path_factory.mktemp("references")
-    return lambda scene: reference_for(scene, "mitsuba", REQUEST, root).image
+def references(shared_references):
+    return lambda scene: reference_for(scene, "mitsuba", REQUEST, shared_references).image
 
 
 def load(name: str, estimator: str) -> SceneDescription:
