@@ -1,1 +1,1 @@
-"""Studies of estimators and images: verify, agreement, the contact ladder, regions, penumbra width."""
+"""Studies of estimators and images: verify, agreement, the contact ladder and regions."""
