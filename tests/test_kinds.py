@@ -7,6 +7,9 @@ whole string. Comments and docstrings do not count.
 from __future__ import annotations
 
 import ast
+import dataclasses
+import importlib
+import typing
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -171,3 +174,73 @@ def test_a_command_is_one_file(path: Path) -> None:
     module = f"pipeline.commands.{path.stem}"
     users = [user for user in SOURCES if module in user.read_text(encoding="utf-8")]
     assert not [user for user in users if user.parent != path.parent and user.stem != "cli"]
+
+
+# The kinds of a family; what carries one, or is part of one, is no kind itself.
+FAMILIES = {
+    "lights": {"PointLight", "SpotLight", "DistantLight", "Environment"},
+    "materials": {"Diffuse", "Conductor", "Dielectric"},
+    "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk"},
+    "textures": {"ImageTexture", "Checkerboard", "Product", "Mix"},
+}
+# Functions that tell two kinds of a family apart outside the kinds' own modules: why each one may.
+PATCHES = "a rectangle is written as either mesh, and the closed forms take nothing else"
+MATERIALS = "materials and textures still stand in one function a layer"
+LADDERS = {
+    "pipeline/references/closed_form/edge_scene.py": PATCHES,
+    "pipeline/references/closed_form/emitters.py": PATCHES,
+    "pipeline/references/closed_form/scene.py": PATCHES,
+    "scenes/pbrt/directives/emission.py": PATCHES,
+    "pipeline/baseline/surfaces.py": MATERIALS,
+    "pipeline/references/mitsuba/surfaces.py": MATERIALS,
+    "renderer/textures.py": MATERIALS,
+    "scenes/pbrt/write/surfaces.py": MATERIALS,
+}
+
+
+def _asked(function: ast.FunctionDef) -> set[str]:
+    """The classes that a function asks for, by isinstance, by a pattern, or by comparing a type."""
+    found = set[str]()
+    for node in ast.walk(function):
+        match node:
+            case ast.Call(func=ast.Name(id="isinstance"), args=[_, asked]):
+                found |= {part.id for part in ast.walk(asked) if isinstance(part, ast.Name)}
+            case ast.MatchClass(cls=ast.Name(id=name)):
+                found.add(name)
+            case ast.Compare(ops=[ast.Is() | ast.IsNot() | ast.Eq()], comparators=[ast.Name(id=name)]):
+                found.add(name)
+    return found
+
+
+def _climbs(function: ast.FunctionDef) -> bool:
+    """Whether a function tells kinds of one family apart, of which a new one would have to be told too."""
+    return any(len(_asked(function) & family) > 1 for family in FAMILIES.values())
+
+
+def test_families_are_those_of_the_description() -> None:
+    for module, kinds in FAMILIES.items():
+        union = getattr(
+            importlib.import_module(f"scenes.description.{module}"), module.capitalize()[:-1], None
+        )
+        geometry = importlib.import_module("scenes.description.shapes").Geometry
+        members = typing.get_args(union or geometry)
+        assert kinds == {kind.__name__ for kind in members if dataclasses.is_dataclass(kind)}
+
+
+def test_nothing_climbs_a_ladder_of_kinds() -> None:
+    climbing = {
+        path.relative_to(ROOT).as_posix()
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and _climbs(node)
+    }
+    assert climbing <= set(LADDERS), sorted(climbing - set(LADDERS))
+
+
+def test_a_ladder_is_found_when_one_is_built() -> None:
+    ladder = (
+        "def f(s):\n    if isinstance(s, Sphere):\n        return 1\n    return 2 if type(s) is Disk else 3"
+    )
+    tree = ast.parse(ladder)
+    assert isinstance(tree.body[0], ast.FunctionDef)
+    assert _climbs(tree.body[0])
