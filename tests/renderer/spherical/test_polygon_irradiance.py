@@ -165,7 +165,7 @@ def test_lights_shine_on_the_side_of_their_normal(kind, two_sided, reverse):
     else:
         mesh = TriangleMesh(TRIANGLE, np.array([[0, 1, 2]]), reverse)
     lights = LIGHTS[kind].make([ShapeDescription(mesh, Diffuse(np.zeros(3)), Emission(rgb, two_sided))], [4])
-    assert lights.source.tolist() == [4]
+    assert lights.parts.source.tolist() == [4]
     p = np.array([[0.2, 0.1, 1.0], [0.2, 0.1, -1.0], [3.0, 0.1, 0.0]]).T
     n = normalize(np.array([[0.1, 0, -1.0], [0.1, 0, 1.0], [-1.0, 0, 0]]).T)
     e = lights.irradiance(np.zeros(3, dtype=np.int64), p, n)
