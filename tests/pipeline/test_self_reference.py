@@ -113,7 +113,7 @@ def test_scoring_refuses_it_too(tmp_path: Path):
         backend="self", key="k", spp=1, batches=2, rms_standard_error=0, seconds=0, image="i"
     )
     with pytest.raises(PenumbraError, match="made by 'mis' itself"):
-        score_cell(ScoreTask(tmp_path, "score", "cell", job, ("mse",), tmp_path, info))
+        score_cell(ScoreTask(tmp_path, "score", "cell", job, tmp_path / "scene", ("mse",), tmp_path, info))
     assert judges_itself("mitsuba", "mis") is None and judges_itself("self", "area") is None
 
 

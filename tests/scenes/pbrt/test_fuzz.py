@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from scenes.catalog import LIBRARY
-from scenes.errors import PLACES, PenumbraError
+from scenes.errors import KINDS, PenumbraError
 from scenes.pbrt.parser import parse, parse_source
 from scenes.pbrt.text.lexer import Source
 from scenes.pbrt.write.scene import to_pbrt
@@ -196,4 +196,4 @@ def test_long_nonsense_is_refused_in_time(text: str) -> None:
         time.process_time() - start < 3
     )  # linear: a tenth of that here; a quadratic step would take minutes
     assert all(len(line) < 1000 and line.isprintable() for line in str(caught.value).splitlines())
-    assert len(str(caught.value).splitlines()) <= PLACES + 1
+    assert len(str(caught.value).splitlines()) <= KINDS + 2

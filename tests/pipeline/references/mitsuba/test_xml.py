@@ -198,6 +198,6 @@ def test_glass_and_mirrors_are_mitsubas_own_and_their_masking_is_noted(
     material: str, kind: str, noted: bool
 ) -> None:
     text = f'Camera "perspective"\nWorldBegin\nLightSource "infinite"\nMaterial {material}\nShape "sphere"\n'
-    files = to_xml(parse(text), "ball", 16)
+    files = to_xml(parse(text), "ball")
     assert f'<bsdf type="{kind}"' in files.text
     assert any("correlated by height" in note for note in files.notes) == noted
