@@ -13,6 +13,7 @@ from scenes.files import Files
 from scenes.pbrt.blocks import Blocks
 from scenes.pbrt.directives.camera import framed
 from scenes.pbrt.directives.integrator import option
+from scenes.pbrt.directives.shapes import mesh_run
 from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
 from scenes.pbrt.directives.textures import declare, texture
 from scenes.pbrt.state import Builder, NamedMaterial, check_room
@@ -124,6 +125,12 @@ class Reader:
         if token.text in WORLD:
             self._need_world(token)
         handler, target = WORLD[token.text] if token.text in WORLD else ANYWHERE[token.text]
+        plain = token.text == "Shape" and self.builder.state.light is None
+        if plain and not self.builder.state.attributes.get(target):
+            run = self._tokens.meshes()
+            if run is not None:
+                mesh_run(self.builder, run, token.where)
+                return
         kind = self._syntax.string(token)
         parameters = self._syntax.parameters(token, self.builder.state.attributes.get(target, ()))
         self._mean(parameters, lambda: handler(self.builder, kind, parameters))

@@ -16,9 +16,10 @@ from functools import singledispatch
 import numpy as np
 
 from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis
-from scenes.errors import SceneError, Unsupported
+from scenes.errors import Location, SceneError, Unsupported
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.state import Builder, PlacedShape, check_room
+from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, Transform, orthonormal, uniform_scale, unit
 from scenes.pbrt.write.text import block, matrix, numbers, rotation
@@ -44,6 +45,18 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
     target = builder.shapes if builder.current_object is None else builder.objects[builder.current_object]
     check_room(target, "shapes", parameters.where)
     target.extend(placed)
+
+
+def mesh_run(builder: Builder, run: MeshRun, where: Location) -> None:
+    """Many meshes under one state as one shape, which reflects only; SceneError where it is too large."""
+    placement = Placement(builder.state.transform, builder.state.reverse, None)
+    mesh = TriangleMesh(placement.transform.points(run.vertices), run.faces, placement.turned)
+    problem = range_problem(mesh)
+    if problem is not None:
+        raise SceneError(problem, where)
+    target = builder.shapes if builder.current_object is None else builder.objects[builder.current_object]
+    check_room(target, "shapes", where)
+    target.append(PlacedShape(mesh, builder.state.material, None, where))
 
 
 def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list[Geometry]:

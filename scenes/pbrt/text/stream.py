@@ -7,6 +7,7 @@ from pathlib import Path
 from scenes.errors import Location, SceneError
 from scenes.files import FILE_LIMIT, Files
 from scenes.pbrt.text.lexer import Source, Token, Tokenizer, read_source
+from scenes.pbrt.text.mesh_runs import MeshRun, read_meshes
 from scenes.pbrt.text.numbers import Run, read_run
 
 INCLUDE_DEPTH = 16
@@ -22,6 +23,7 @@ class TokenStream:
         self._stack: list[tuple[Tokenizer, Token | None]] = [(Tokenizer(source, start), None)]
         self._peeked: Token | None = None
         self._included = self._read = 0
+        self._tried = source, 0  # up to where no run of meshes begins
 
     def next(self) -> Token | None:
         """The next token, of kind "end" where an imported file is over; None at the end."""
@@ -58,6 +60,20 @@ class TokenStream:
         run = read_run(tokenizer.source, tokenizer.offset)
         if run is not None:
             tokenizer.offset = run.end
+        return run
+
+    def meshes(self) -> MeshRun | None:
+        """The plain triangle meshes that stand here behind a `Shape`, if they are many."""
+        if self._peeked is not None or not self._stack:
+            return None
+        tokenizer = self._stack[-1][0]
+        source, end = self._tried
+        if source is tokenizer.source and tokenizer.offset < end:
+            return None
+        run, end = read_meshes(tokenizer.source, tokenizer.offset)
+        self._tried = tokenizer.source, end
+        if run is not None:
+            tokenizer.offset = end
         return run
 
     def find(self, name: str, token: Token) -> Path:
