@@ -103,40 +103,16 @@ class _Recorder:
         def estimate(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
             return self.inner.estimate(scene, replace(plan, witness=self.witness), hit, u)
 
-        return _Watched(self.inner, estimate)
+        inner = self.inner
+        return _Watched(inner.name, inner.title, inner, estimate, quantity=inner.quantity, ratio=inner.ratio)
 
 
 @dataclass(frozen=True, eq=False)
-class _Watched:
+class _Watched(Estimator):
     """As the inner estimator, but for `estimate`."""
 
     inner: Estimator
     watched: Callable[[RenderScene, RenderPlan, SurfaceHit, Floats], Reflected]
-
-    @property
-    def name(self) -> str:
-        """The inner one's, and so are all these."""
-        return self.inner.name
-
-    @property
-    def title(self) -> str:
-        """As above."""
-        return self.inner.title
-
-    @property
-    def quantity(self) -> str:
-        """As above."""
-        return self.inner.quantity
-
-    @property
-    def ratio(self) -> bool:
-        """As above."""
-        return self.inner.ratio
-
-    @property
-    def bias(self) -> str | None:
-        """As above."""
-        return self.inner.bias
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """As above."""

@@ -24,7 +24,6 @@ from pipeline.statistics.welch import Moments, TestResult, compare_images, sidak
 from pipeline.studies.moments import of_reference, of_render
 from renderer import build, render
 from renderer.build import RenderScene
-from renderer.estimators.direction_sampling import DirectionSampling
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
@@ -175,7 +174,7 @@ def _render(
         seconds=result.seconds.cpu,
     )
     return member, Candidate(
-        name, of_render(result, spp), isinstance(ESTIMATORS[name], DirectionSampling)
+        name, of_render(result, spp), ESTIMATORS[name].meets_lights_by_chance
     ) if found.verdict == "ok" else None
 
 

@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from pipeline.statistics.numerics import box_maximum
 from renderer import RenderScene, render
 from renderer.estimators.mis import BEST
-from renderer.interfaces.estimator import RADIANCE, Reflected
+from renderer.interfaces.estimator import Estimator, Reflected
 from renderer.math.vectors import Floats, combine, dot, frame_about
 from renderer.math.warp import uniform_hemisphere
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from renderer.shading.lights import choose_light, light_along, sample_light, samplers
+from renderer.shading.lights import choose_light, light_along, sample_light, supporting_techniques
 from renderer.shading.visibility import Seen, hidden, visible
 from scenes.description.scene import SceneDescription
 
@@ -70,7 +70,7 @@ def find_regions(scene: RenderScene, spp: int = SPP, threads: int = 1) -> Region
         return None
 
     def ask(rule: Rule, prune: bool = False) -> Floats:
-        probe = _Probe(rule.__name__, rule)
+        probe = _Probe(rule.__name__, "a question about visibility", rule)
         return render(scene, estimator=probe, spp=spp, seed=SEED, threads=threads, prune=prune).image
 
     light: Mask = box_maximum(np.max(ask(_nothing), axis=-1), 3) > 0
@@ -93,15 +93,10 @@ Rule = Callable[[RenderScene, RenderPlan, SurfaceHit, Floats], Floats]
 
 
 @dataclass(frozen=True)
-class _Probe:
+class _Probe(Estimator):
     """A question put to every point that is seen, as an estimator: three flags in the place of radiance."""
 
-    name: str
     rule: Rule
-    title: str = "a question about visibility"
-    quantity: str = RADIANCE
-    ratio: bool = False
-    bias: str | None = None
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """Applies to every scene."""
@@ -126,7 +121,7 @@ def _nothing(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -
 def _visibility(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Floats:
     """A light sample is sent to the front of the point; it arrives; there is a point."""
     light, u = choose_light(scene, u)
-    sample = sample_light(scene, samplers(scene, *BEST), hit, light, u)
+    sample = sample_light(scene, supporting_techniques(scene, *BEST), hit, light, u)
     with np.errstate(invalid="ignore"):
         sent = sample.valid & (dot(sample.wi, hit.n) > 0) & np.any(sample.radiance > 0, axis=0)
     seen = Seen(light, sample.wi, sample.dist, sample.normal)

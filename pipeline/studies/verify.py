@@ -25,7 +25,6 @@ from pipeline.statistics.welch import Correction, Moments, TestResult, allowance
 from pipeline.studies.moments import of_reference, of_render, of_replicates
 from pipeline.studies.regions import find_regions
 from renderer import RenderResult, RenderScene, render
-from renderer.estimators.direction_sampling import DirectionSampling
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.interfaces.sampler import SAMPLERS
 from scenes.errors import PenumbraError
@@ -121,10 +120,8 @@ def _found_nothing(ours: Moments, reference: Moments) -> bool:
 
 def _black(trial: Trial) -> tuple[Outcome, str]:
     """The verdict on a black image: untrustworthy where light is met by chance, else biased."""
-    by_chance = trial.estimator in ESTIMATORS.names() and isinstance(
-        ESTIMATORS[trial.estimator], DirectionSampling
-    )
-    if by_chance:
+    known = trial.estimator in ESTIMATORS.names()
+    if known and ESTIMATORS[trial.estimator].meets_lights_by_chance:
         return (
             "untrustworthy",
             "none of its samples met the light that the reference has: nothing tells how rare it is",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.build import RenderScene
-from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION, Reflected
+from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION, Estimator, Reflected
 from renderer.math.vectors import Floats, combine, frame_about
 from renderer.math.warp import cosine_hemisphere
 from renderer.plan.plan import RenderPlan
@@ -23,14 +23,8 @@ from scenes.description.scene import SceneDescription
 
 
 @dataclass(frozen=True)
-class AmbientOcclusion:
+class AmbientOcclusion(Estimator):
     """One direction a sample."""
-
-    name: str = "ambient-occlusion"
-    title: str = "open share of the hemisphere"
-    quantity: str = OCCLUSION
-    bias: str | None = None
-    ratio: bool = False
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """None: every surface has a hemisphere."""
@@ -53,4 +47,11 @@ class AmbientOcclusion:
         return Reflected(np.where(blocked, 0.0, np.ones((3, 1))), n)
 
 
-ESTIMATORS.add("ambient-occlusion", AmbientOcclusion())
+ESTIMATORS.add(
+    "ambient-occlusion",
+    AmbientOcclusion(
+        "ambient-occlusion",
+        "open share of the hemisphere",
+        quantity=OCCLUSION,
+    ),
+)

@@ -9,46 +9,39 @@ way, and is noisier than the ratio in the umbra.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from renderer.build import RenderScene
 from renderer.estimators.mis import BEST
-from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
+from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
 from renderer.interfaces.material import LAMBERTIAN, lobes_of
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from renderer.shading.bsdf import abs_cosine, bsdf_value
-from renderer.shading.lights import chance, choose_light, sample_light, samplers, sources_of
+from renderer.shading.lights import choose_light, light_pmf, sample_light, supporting_techniques
 from renderer.shading.visibility import Seen, visible
-from scenes.description.lights import Environment
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import ShapeDescription
 
 BLOCK = 8  # lights whose closed forms are worked out at once: bounds the temporaries
 
 
 @dataclass(frozen=True)
-class AnalyticVisibility:
-    """One light sample and the closed forms of all lights. ratio: which of the two forms."""
+class AnalyticVisibility(Estimator):
+    """One light sample and the closed forms of all lights."""
 
-    name: str
-    title: str
-    ratio: bool
-    bias: str | None
-    quantity: str = RADIANCE
+    closed_form: bool = field(default=True, kw_only=True)
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """Surfaces that are not diffuse, and lights without a closed form."""
         if any(lobes_of(s) & ~LAMBERTIAN for s in scene.shapes):
             return "closed forms hold for diffuse surfaces only, and it has others"
-        for source in sources_of(scene):
-            if isinstance(source, Environment) and source.image is not None:
-                return "an environment's image has no closed form"
-            if isinstance(source, ShapeDescription) and source.emission and source.emission.image is not None:
-                return "a light with an image has no closed form"
+        if not all(light.has_closed_form for light in scene.lights):
+            return "an environment's image has no closed form"
+        if any(s.emission is not None and s.emission.image is not None for s in scene.shapes):
+            return "a light with an image has no closed form"
         return None
 
     def dimensions(self, scene: RenderScene) -> int:
@@ -61,11 +54,11 @@ class AnalyticVisibility:
         if n == 0:
             return Reflected(np.zeros((3, 0)), 0)
         light, u = choose_light(scene, u)
-        sample = sample_light(scene, samplers(scene, *BEST), hit, light, u)
+        sample = sample_light(scene, supporting_techniques(scene, *BEST), hit, light, u)
         f = bsdf_value(scene, hit, sample.wi)
         useful = sample.valid & f.any(axis=0)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            weight = abs_cosine(hit, sample.wi) / (sample.pdf * chance(scene, light))
+            weight = abs_cosine(hit, sample.wi) / (sample.pdf * light_pmf(scene, light))
             radiance = np.where(useful, f * (sample.radiance * weight), 0.0)
         seen = visible(scene, plan, hit, Seen(light, sample.wi, sample.dist, sample.normal), useful, radiance)
         closed = bsdf_value(scene, hit, hit.n) * irradiance(scene, hit)
@@ -95,11 +88,11 @@ ESTIMATORS.add(
     AnalyticVisibility(
         "analytic-visibility",
         "closed form times sampled visibility",
-        True,
-        "a ratio of means: consistent, with a bias that falls as 1/spp",
+        ratio=True,
+        bias="a ratio of means: consistent, with a bias that falls as 1/spp",
     ),
 )
 ESTIMATORS.add(
     "analytic-visibility-unbiased",
-    AnalyticVisibility("analytic-visibility-unbiased", "closed form as a control variate", False, None),
+    AnalyticVisibility("analytic-visibility-unbiased", "closed form as a control variate"),
 )

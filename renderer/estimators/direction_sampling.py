@@ -8,19 +8,19 @@ however near a light comes, the weights stay bounded. What it costs is that a sm
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from renderer.build import RenderScene
-from renderer.interfaces.estimator import RADIANCE, Reflected
+from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
 from renderer.math.vectors import Floats, combine, frame_about
 from renderer.math.warp import cosine_hemisphere, uniform_hemisphere
 from renderer.plan.plan import RenderPlan
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.bsdf import abs_cosine, bsdf_value
+from renderer.shading.bsdf import abs_cosine, bsdf_value, sample_bsdf
 from renderer.shading.directions import lights_met, scattered
-from renderer.shading.lights import pick, sample_light, samplers
+from renderer.shading.lights import sample_discrete, sample_light, supporting_techniques
 from renderer.shading.visibility import Seen, visible
 from scenes.description.scene import SceneDescription
 
@@ -29,15 +29,11 @@ Rule = Callable[[RenderScene, SurfaceHit, Floats], BSDFSample]
 
 
 @dataclass(frozen=True)
-class DirectionSampling:
+class DirectionSampling(Estimator):
     """An estimator for each rule by which a receiver may choose directions."""
 
-    name: str
-    title: str
     rule: Rule
-    quantity: str = RADIANCE
-    bias: str | None = None
-    ratio: bool = False
+    meets_lights_by_chance: bool = field(default=True, kw_only=True)
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """None: whatever cannot be met by chance is sampled."""
@@ -67,10 +63,12 @@ def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -
     some = np.flatnonzero(scene.lights.delta)
     if some.size == 0:
         return Reflected(np.zeros((3, n)), 0)
-    chosen = pick(np.arange(1.0, some.size + 1), u[0]) if some.size > 1 else np.zeros(n, dtype=np.int64)
+    chosen = np.zeros(n, dtype=np.int64)
+    if some.size > 1:
+        chosen = sample_discrete(np.arange(1.0, some.size + 1), u[0])
     light = some[chosen]
-    nothing = np.zeros((2, n))
-    sample = sample_light(scene, samplers(scene, "solid-angle", "area", "environment"), hit, light, nothing)
+    techniques = supporting_techniques(scene, "solid-angle", "area", "environment")
+    sample = sample_light(scene, techniques, hit, light, np.zeros((2, n)))
     f, cosine = bsdf_value(scene, hit, sample.wi), abs_cosine(hit, sample.wi)
     with np.errstate(invalid="ignore", over="ignore"):
         radiance = f * (sample.radiance * (cosine * some.size))
@@ -108,3 +106,8 @@ def _about_normals(
     local = warp(u)
     wi = combine(frame_about(axis), *local)
     return BSDFSample(wi, bsdf_value(scene, hit, wi), share * density(local[2]))
+
+
+ESTIMATORS.add("bsdf", DirectionSampling("bsdf", "proportional to the BRDF", sample_bsdf))
+ESTIMATORS.add("cosine", DirectionSampling("cosine", "proportional to the cosine", cosine))
+ESTIMATORS.add("hemisphere", DirectionSampling("hemisphere", "uniform over the hemisphere", uniform))

@@ -7,27 +7,20 @@ from dataclasses import dataclass
 from renderer.build import RenderScene
 from renderer.estimators.light_sampling import by_light
 from renderer.estimators.mis import BEST
-from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
+from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-from scenes.description.lights import Environment
 from scenes.description.scene import SceneDescription
 
 
 @dataclass(frozen=True)
-class EnvironmentSampling:
+class EnvironmentSampling(Estimator):
     """Light samples alone, in proportion to what each direction sends."""
-
-    name: str = "environment"
-    title: str = "proportional to the environment's image"
-    quantity: str = RADIANCE
-    bias: str | None = None
-    ratio: bool = False
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """A scene that nothing surrounds."""
-        if any(isinstance(light, Environment) for light in scene.lights):
+        if any(light.surrounds for light in scene.lights):
             return None
         return 'it has no environment (LightSource "infinite")'
 
@@ -40,4 +33,4 @@ class EnvironmentSampling:
         return by_light(scene, plan, hit, u, *BEST)
 
 
-ESTIMATORS.add("environment", EnvironmentSampling())
+ESTIMATORS.add("environment", EnvironmentSampling("environment", "proportional to the environment's image"))

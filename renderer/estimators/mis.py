@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.build import RenderScene
-from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Reflected
+from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
 from renderer.interfaces.light import DirectionSampler
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
@@ -20,14 +20,13 @@ from renderer.records import SurfaceHit
 from renderer.shading.bsdf import abs_cosine, bsdf_pdf, bsdf_value, sample_bsdf
 from renderer.shading.directions import lights_met, scattered
 from renderer.shading.lights import (
-    chance,
     choose_light,
     light_pdf,
+    light_pmf,
     sample_light,
-    samplers,
+    supporting_techniques,
 )
 from renderer.shading.visibility import Seen, visible
-from scenes.description.lights import Environment
 from scenes.description.scene import SceneDescription
 
 # Lights are sampled by the first of these that they have: bounded weights before unbounded ones.
@@ -35,24 +34,19 @@ BEST = ("environment", "solid-angle", "area")
 
 
 @dataclass(frozen=True)
-class MultipleImportance:
+class MultipleImportance(Estimator):
     """One light sample and one BRDF sample. power: 1 for the balance heuristic, 2 for the power heuristic.
     preferred: techniques.
     """
 
-    name: str
-    title: str
     power: int
     preferred: tuple[str, ...] = BEST
-    quantity: str = RADIANCE
-    bias: str | None = None
-    ratio: bool = False
 
     def refuses(self, scene: SceneDescription) -> str | None:
         """Compensation without an image to compensate; else None: the BRDF takes what light sampling does
         badly.
         """
-        if self.preferred == BEST or any(isinstance(light, Environment) for light in scene.lights):
+        if self.preferred == BEST or any(light.surrounds for light in scene.lights):
             return None
         return "it has no environment to compensate"
 
@@ -64,7 +58,7 @@ class MultipleImportance:
         """See `Estimator`."""
         if hit.p.shape[1] == 0:
             return Reflected(np.zeros((3, 0)), 0)
-        techniques = samplers(scene, *self.preferred)
+        techniques = supporting_techniques(scene, *self.preferred)
         by_light = self._light(scene, plan, hit, u[2:], techniques)
         if scene.lights.delta.all():
             return by_light
@@ -85,7 +79,7 @@ class MultipleImportance:
         if scene.lights.delta.any():
             other = np.where(scene.lights.delta.take(light), 0.0, other)  # the BRDF's samples never meet it
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            own = sample.pdf * chance(scene, light)
+            own = sample.pdf * light_pmf(scene, light)
             weight = self._weight(own, other) * cosine / own
             radiance = f * (sample.radiance * weight)
         seen = Seen(light, sample.wi, sample.dist, sample.normal)

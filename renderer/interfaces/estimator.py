@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from dataclasses import KW_ONLY, dataclass
 
 from renderer.build import RenderScene
 from renderer.math.vectors import Floats
@@ -30,53 +30,44 @@ class Reflected:
         return Reflected(self.radiance + other.radiance, self.shadow_rays + other.shadow_rays)
 
 
-@runtime_checkable
-class Estimator(Protocol):
-    """One way of estimating the light that points reflect."""
+RADIANCE, OCCLUSION = "radiance", "ambient-occlusion"
 
-    @property
-    def name(self) -> str:
-        """As users type it."""
-        ...
 
-    @property
-    def title(self) -> str:
-        """A few words for tables and legends."""
-        ...
+@dataclass(frozen=True)
+class Estimator(ABC):
+    """One way of estimating the light that points reflect.
 
-    @property
-    def quantity(self) -> str:
-        """What it estimates: RADIANCE or OCCLUSION."""
-        ...
+    name: as users type it. title: a few words for tables and legends. quantity: RADIANCE or OCCLUSION. bias:
+    why its mean is not the truth at a finite number of samples; None where it is. ratio: whether a pixel is a
+    ratio of means, see `Reflected`. bounded: whether weights stay bounded however near a light comes.
+    closed_form: whether a point that nothing shades gets the truth in each sample, or in the ratio.
+    meets_lights_by_chance: whether directions are chosen without knowledge of the lights that they may meet.
+    """
 
-    @property
-    def ratio(self) -> bool:
-        """Whether a pixel is a ratio of means, see `Reflected`."""
-        ...
+    name: str
+    title: str
+    _: KW_ONLY
+    quantity: str = RADIANCE
+    bias: str | None = None
+    ratio: bool = False
+    bounded: bool = True
+    closed_form: bool = False
+    meets_lights_by_chance: bool = False
 
-    @property
-    def bias(self) -> str | None:
-        """Why its mean is not the truth at a finite number of samples, in a few words; None for an unbiased
-        estimator.
-        """
-        ...
-
+    @abstractmethod
     def refuses(self, scene: SceneDescription) -> str | None:
         """Why it does not apply to the scene, in words, or None."""
-        ...
 
+    @abstractmethod
     def dimensions(self, scene: RenderScene) -> int:
         """How many numbers in [0, 1) one sample takes."""
-        ...
 
+    @abstractmethod
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
         """One sample a row. u: (dimensions, n) in [0, 1).
 
         Rows stand alone: a row's bits do not depend on the others.
         """
-        ...
 
-
-RADIANCE, OCCLUSION = "radiance", "ambient-occlusion"
 
 ESTIMATORS: Registry[Estimator] = Registry("estimator", "renderer.estimators")

@@ -125,7 +125,7 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class _Proved:
+class _Proofs:
     """reach, shadow: (s, q). lit, blockers: (s,). between: (q,) how many shapes may shade what each source
     sends out.
     """
@@ -138,13 +138,13 @@ class _Proved:
     crosses: bool
 
 
-def _proved(scene: RenderScene, black: Bools) -> _Proved:
+def _proved(scene: RenderScene, black: Bools) -> _Proofs:
     """What the proofs leave; everything in a scene that is too large for them."""
     count, sources = len(scene.bounds), len(scene.sources.all)
     if not provable(scene):
         everything = np.ones((count, sources), dtype=np.bool_)
         lit = ~black & bool(sources)
-        return _Proved(
+        return _Proofs(
             everything, lit, everything, np.ones(count, dtype=np.bool_), np.full(sources, count), True
         )
     e = extents(scene)
@@ -155,7 +155,7 @@ def _proved(scene: RenderScene, black: Bools) -> _Proved:
     counts = between.any(axis=0).sum(axis=1)
     shadow: Bools = np.asarray(between.any(axis=2))
     blockers: Bools = np.asarray(between.any(axis=(0, 1)))
-    return _Proved(reached, lit, shadow, blockers, counts, crossing)
+    return _Proofs(reached, lit, shadow, blockers, counts, crossing)
 
 
 def _sources(scene: RenderScene) -> Iterable[tuple[Source, int]]:
@@ -199,7 +199,7 @@ def _receivers(black: Bools, reach: Bools) -> Decision:
     return Decision("shading of every shape", not bool((dark | black).any()), reason, "reach")
 
 
-def _occlusion(scene: RenderScene, proved: _Proved) -> list[Decision]:
+def _occlusion(scene: RenderScene, proved: _Proofs) -> list[Decision]:
     out: list[Decision] = []
     for source, name in enumerate(scene.sources.names):
         pairs = proved.shadow[:, source]

@@ -37,14 +37,14 @@ class Extents:
     """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1.
     camera: (m,). transmits: (s,).
 
-    lamp_low, lamp_high: (m, q) those of the sources. A distant light has inf or -inf for both, an environment
-    -inf to inf.
+    light_low, light_high: (m, q) those of the sources. A distant light has inf or -inf for both, an
+    environment -inf to inf.
     """
 
     low: Floats
     high: Floats
-    lamp_low: Floats
-    lamp_high: Floats
+    light_low: Floats
+    light_high: Floats
     plane: NDArray[np.int64]
     camera: Floats
     transmits: Bools
@@ -65,10 +65,10 @@ def extents(scene: RenderScene) -> Extents:
         _lamp(source, low, high, normals, int(i))
         for source, i in zip(scene.sources.all, scene.sources.shape, strict=True)
     ]
-    lamp_low, lamp_high = (
+    light_low, light_high = (
         np.stack([np.zeros(len(normals)), *side], axis=1)[:, 1:] for side in zip(*lamps, strict=True)
     )
-    return Extents(low, high, lamp_low, lamp_high, plane, camera, scene.transmits, TOLERANCE * scale)
+    return Extents(low, high, light_low, light_high, plane, camera, scene.transmits, TOLERANCE * scale)
 
 
 def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int) -> tuple[Floats, Floats]:
@@ -112,11 +112,11 @@ def reach(scene: RenderScene, e: Extents) -> Bools:
     columns: list[Bools] = []
     for source in range(len(scene.sources.all)):
         rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
-        away_up = (side > 0) & (e.lamp_high[rows, source] < e.low[rows, own] - e.tolerance)
-        away_down = (side < 0) & (e.lamp_low[rows, source] > e.high[rows, own] + e.tolerance)
+        away_up = (side > 0) & (e.light_high[rows, source] < e.low[rows, own] - e.tolerance)
+        away_down = (side < 0) & (e.light_low[rows, source] > e.high[rows, own] + e.tolerance)
         plane = _one_sided_plane(scene, e, source)
         behind = (
-            e.high[plane] < e.lamp_low[plane, source] - e.tolerance
+            e.high[plane] < e.light_low[plane, source] - e.tolerance
             if plane >= 0
             else np.zeros(own.size, dtype=np.bool_)
         )
@@ -133,7 +133,7 @@ def blocks(scene: RenderScene, e: Extents) -> Bools:
     out: list[Bools] = []
     for source, shape in enumerate(scene.sources.shape):
         apart = np.zeros((count, count), dtype=np.bool_)
-        for low, high, lamp in ((e.low, e.high, e.lamp_low), (-e.high, -e.low, -e.lamp_high)):
+        for low, high, lamp in ((e.low, e.high, e.light_low), (-e.high, -e.low, -e.light_high)):
             # The blocker ends at or below where the receiver begins and strictly below the light, or the
             # other way.
             top, receiver, goal = high[:, None, :], low[:, :, None], lamp[:, source][:, None, None]
@@ -142,7 +142,7 @@ def blocks(scene: RenderScene, e: Extents) -> Bools:
             apart |= (touching | strict).any(axis=0)
         plane = _one_sided_plane(scene, e, source)
         if plane >= 0:  # light leaves on one side of this plane: what is wholly behind it is never in between
-            apart |= e.high[plane] < e.lamp_low[plane, source] - e.tolerance
+            apart |= e.high[plane] < e.light_low[plane, source] - e.tolerance
         apart |= _behind_receiver(e, side)
         if shape >= 0 and (e.plane[shape] >= 0 or np.count_nonzero(scene.lights.source == source) == 1):
             apart[:, shape] = True  # a flat or single light does not hide what it sends out
@@ -168,7 +168,7 @@ def crosses(scene: RenderScene, e: Extents) -> Bools:
     """
     side = _faces_camera(e)
     rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
-    low, high = e.lamp_low[rows], e.lamp_high[rows]
+    low, high = e.light_low[rows], e.light_high[rows]
     above = (side > 0)[:, None] & (low > (e.high[rows, own] + e.tolerance)[:, None])
     below = (side < 0)[:, None] & (high < (e.low[rows, own] - e.tolerance)[:, None])
     return ~(above | below)
@@ -178,6 +178,6 @@ def gap(e: Extents, receiver: int, source: int) -> float:
     """How far a receiver and a source are apart at least, in world units: by the best of the planes. 0 where
     none is between them.
     """
-    above, below = e.lamp_low[:, source] - e.high[:, receiver], e.low[:, receiver] - e.lamp_high[:, source]
+    above, below = e.light_low[:, source] - e.high[:, receiver], e.low[:, receiver] - e.light_high[:, source]
     both = np.maximum(np.where(np.isnan(above), -np.inf, above), np.where(np.isnan(below), -np.inf, below))
     return max(float(both.max()), 0.0)

@@ -27,7 +27,7 @@ def sources_of(scene: SceneDescription) -> list[Source]:
     return [*(s for s in scene.shapes if s.emission is not None), *scene.lights]
 
 
-def without(technique: str, scene: SceneDescription, one_sided: bool = False) -> str | None:
+def missing_technique(technique: str, scene: SceneDescription, one_sided: bool = False) -> str | None:
     """Why the technique does not do for the scene's lights and surfaces, in words, or None.
 
     one_sided: whether the technique goes to the side of the normals alone.
@@ -41,7 +41,7 @@ def without(technique: str, scene: SceneDescription, one_sided: bool = False) ->
     return None
 
 
-def samplers(scene: RenderScene, *preferred: str) -> list[DirectionSampler]:
+def supporting_techniques(scene: RenderScene, *preferred: str) -> list[DirectionSampler]:
     """For each kind of light the first of the preferred techniques that it has; every kind must have one of
     them.
     """
@@ -60,10 +60,10 @@ def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
     """
     if len(scene.lights) == 1:
         return np.zeros_like(u[0], dtype=np.int64), u[:2]
-    return pick(scene.lights.cdf, u[2]), u[:2]
+    return sample_discrete(scene.lights.cdf, u[2]), u[:2]
 
 
-def pick(cdf: Floats, u: Floats) -> Integers:
+def sample_discrete(cdf: Floats, u: Floats) -> Integers:
     """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights; an entry of no weight
     is never picked.
     """
@@ -99,7 +99,7 @@ def _sampled(
     n = light.size
     wi, dist, facing, radiance = np.zeros((3, n)), np.zeros(n), np.zeros((3, n)), np.zeros((3, n))
     pdf, valid = np.ones(n), np.zeros(n, dtype=np.bool_)
-    for first, rows, technique in _dealt(scene, techniques, light):
+    for first, rows, technique in _rows_by_kind(scene, techniques, light):
         p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
         part = technique.sample_direction(light[rows] - first, p, normal, u.take(rows, axis=1))
         wi[:, rows], dist[rows], facing[:, rows] = part.wi, part.dist, part.normal
@@ -115,14 +115,14 @@ def light_pdf(
     n); 0 where light is -1.
     """
     pdf = np.zeros(light.size)
-    for first, rows, technique in _dealt(scene, techniques, light):
+    for first, rows, technique in _rows_by_kind(scene, techniques, light):
         p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
         own = technique.pdf_direction(light[rows] - first, p, normal, wi.take(rows, axis=1))
         pdf[rows] = own * scene.lights.pmf.take(light[rows])
     return pdf
 
 
-def _dealt(
+def _rows_by_kind(
     scene: RenderScene, techniques: Sequence[DirectionSampler], light: Integers
 ) -> Iterator[tuple[int, Integers, DirectionSampler]]:
     """Each kind's first light, the rows that go to it, and its technique."""
@@ -135,7 +135,7 @@ def _dealt(
         first += count
 
 
-def chance(scene: RenderScene, light: Integers) -> Floats:
+def light_pmf(scene: RenderScene, light: Integers) -> Floats:
     """(n,) or (1,): with what probability `choose_light` picks each light (n,)."""
     return gather(scene.lights.pmf, light)
 

@@ -15,7 +15,7 @@ e = c - a,
 - On the arc from b to that point 1 - cos is uniform; half angles keep its digits.
 
 K cancels where a and b are nearly opposite, the point being close to the edge ab. The roles of the corners
-are dealt so that ab is no such edge: see `_dealt`.
+are dealt so that ab is no such edge: see `_with_stable_edge`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ OPPOSITE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class _Dealt:
+class _StableTriangle:
     """Corners in their roles: apex b, and the edge from a to c that is cut.
 
     Lengths ra, rb, rc (n,), the rest (3, n).
@@ -78,7 +78,7 @@ def sample(u: Floats, a: Floats, ab: Floats, ac: Floats) -> tuple[Floats, Floats
 
     Where the solid angle is 0 the point is one of the triangle, or NaN.
     """
-    t = _dealt(a, ab, ac)
+    t = _with_stable_edge(a, ab, ac)
     half = t.half()
     with np.errstate(invalid="ignore", divide="ignore"):
         s = _cut(u[0] * half, t)
@@ -88,7 +88,7 @@ def sample(u: Floats, a: Floats, ab: Floats, ac: Floats) -> tuple[Floats, Floats
 
 def invert(wi: Floats, a: Floats, ab: Floats, ac: Floats) -> Floats:
     """The u (2, n) that `sample` takes to the direction of wi (3, n) inside the triangle."""
-    t = _dealt(a, ab, ac)
+    t = _with_stable_edge(a, ab, ac)
     # Barycentric weights of the point that wi meets, up to a common factor
     wa, wb, wc = dot(wi, cross(t.b, t.ac - t.ab)), dot(wi, cross(t.ac, t.a)), dot(wi, t.k)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -101,7 +101,7 @@ def invert(wi: Floats, a: Floats, ab: Floats, ac: Floats) -> Floats:
         )
 
 
-def _dealt(a: Floats, ab: Floats, ac: Floats) -> _Dealt:
+def _with_stable_edge(a: Floats, ab: Floats, ac: Floats) -> _StableTriangle:
     """Deal the roles: the apex b is the nearer end of the edge seen under the widest angle; ac is cut from
     its nearer end.
 
@@ -130,14 +130,14 @@ def _dealt(a: Floats, ab: Floats, ac: Floats) -> _Dealt:
     edge = np.where(swap, to_three - to_end, to_end - to_three)
     k, slope = cross(near, to_apex), rb * dot(near, edge) + ra * dot(apex, edge)
     bend = ra * rb + dot(near, apex)
-    return _Dealt(near, apex, far, ra, rb, rc, to_apex, edge, k, np.abs(dot(k, edge)), bend, slope)
+    return _StableTriangle(near, apex, far, ra, rb, rc, to_apex, edge, k, np.abs(dot(k, edge)), bend, slope)
 
 
 def _pick(one: Bools, two: Bools, x: Floats, y: Floats, z: Floats) -> Floats:
     return np.where(one, x, np.where(two, y, z))
 
 
-def _cut(half: Floats, t: _Dealt) -> Floats:
+def _cut(half: Floats, t: _StableTriangle) -> Floats:
     """How far along the edge ac (n,) in [0, 1] the solid angle beside ab comes to 2 half."""
     sine, cosine = np.sin(half), np.cos(half)
     upper = t.ra * t.volume * cosine - sine * dot(cross(t.a, t.ac), t.k)

@@ -24,9 +24,9 @@ from scenes.description.shapes import Emission, Geometry, ShapeDescription
 from scenes.errors import SceneError
 from scenes.files import Files
 from scenes.pbrt.directives.emission import apply_area_light
-from scenes.pbrt.directives.environment import added_up
+from scenes.pbrt.directives.environment import sum_environments
 from scenes.pbrt.directives.integrator import check_delta
-from scenes.pbrt.directives.materials import resolved
+from scenes.pbrt.directives.materials import resolve_material
 from scenes.pbrt.instances import expand_instances
 from scenes.pbrt.reader import Reader
 from scenes.pbrt.state import Builder, PlacedShape
@@ -89,7 +89,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
     """What was read as a description; SceneError listing all that it asks for and is not supported."""
     report = builder.report
     ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures
-    lights = added_up(builder.lights, report)
+    lights = sum_environments(builder.lights, report)
     check_delta(builder)
     placed = [*builder.shapes, *expand_instances(builder.uses, builder.objects, report)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
@@ -115,7 +115,7 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
 
     Where it has no texture, what only a texture looks at is left out: it is no part of the scene's content.
     """
-    material = resolved(placed.material, builder)
+    material = resolve_material(placed.material, builder)
     parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
     if placed.light is not None:
         parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]

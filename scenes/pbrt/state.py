@@ -22,7 +22,7 @@ COUNT_LIMIT = 1_000_000  # of shapes, of lights, of names: a few GB
 
 # pbrt-v4's radii of its filters where a file gives none, and its filter where a file names none.
 FILTERS = {"box": 0.5, "triangle": 2.0, "gaussian": 1.5}
-UNSAID = PixelFilter("gaussian", FILTERS["gaussian"], FILTERS["gaussian"], 0.5)
+DEFAULT_FILTER = PixelFilter("gaussian", FILTERS["gaussian"], FILTERS["gaussian"], 0.5)
 
 MATERIALS_OF_VERSION_3 = (
     "matte", "plastic", "uber", "glass", "mirror", "substrate", "translucent", "metal", "disney", "fourier",
@@ -130,7 +130,7 @@ class Builder:
     crop: tuple[int, int, int, int] | None = None
     exposure: float = 1.0
     iso: float = 100.0
-    film: Film = field(default_factory=lambda: Film(1280, 720, "", UNSAID))
+    film: Film = field(default_factory=lambda: Film(1280, 720, "", DEFAULT_FILTER))
     defaults: RenderDefaults = field(default_factory=RenderDefaults)
     occlusion_distance: float = np.inf
     without_lights: Location | None = None
@@ -170,7 +170,7 @@ def refuse_kind(kind: str, supported: str, parameters: Parameters) -> None:
         )
 
 
-def must_be(
+def require_value(
     parameters: Parameters, name: str, value: float | str | bool, allowed: float | str | bool, why: str
 ) -> None:
     """Report the parameter `name` unless its value is the one that is simulated."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenes.description.scene import Film, PerspectiveCamera, PixelFilter
 from scenes.errors import Unsupported
-from scenes.pbrt.state import FILTERS, Builder, must_be, refuse_kind
+from scenes.pbrt.state import FILTERS, Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
 from scenes.pbrt.transforms import rigid
 
@@ -37,7 +37,9 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
     fov = parameters.number("fov", 90.0)
     if not 0 < fov < 180:
         raise parameters.fail("fov", f"fov is an angle between 0 and 180 degrees, not {fov:g}")
-    must_be(parameters, "lensradius", parameters.number("lensradius", 0.0), 0.0, "the camera is a pinhole")
+    require_value(
+        parameters, "lensradius", parameters.number("lensradius", 0.0), 0.0, "the camera is a pinhole"
+    )
     parameters.number("focaldistance", 1e6)  # of no effect without a lens
     builder.exposure = parameters.number("shutterclose", 1.0) - parameters.number("shutteropen", 0.0)
     if not builder.exposure > 0:
@@ -113,7 +115,7 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 def _sensor(builder: Builder, parameters: Parameters) -> None:
     """The ISO value; notes on a sensor, a white balance and a limit that would change colours or clamp."""
-    must_be(
+    require_value(
         parameters, "exposuretime", parameters.number("exposuretime", 1.0), 1.0, "the shutter's times expose"
     )
     builder.iso = parameters.number("iso", 100.0)

@@ -110,7 +110,7 @@ def _latitude_cosines(height: int, width: int) -> Array:
     return np.repeat(rows[:, None], width, axis=1)
 
 
-def added_up(lights: Sequence[Light], report: Report) -> tuple[Light, ...]:
+def sum_environments(lights: Sequence[Light], report: Report) -> tuple[Light, ...]:
     """The lights with one environment at most, in the place of the first: constants add up, also to the
     texels of an image.
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenes.errors import Location, SceneError
-from scenes.pbrt.state import Builder, must_be, refuse_kind
+from scenes.pbrt.state import Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import Parameters
 
 # pbrt-v4's sampler, what it is called here, and pbrt's number of samples where the file gives none.
@@ -67,7 +67,7 @@ def _count(parameters: Parameters, name: str, default: int) -> int:
 
 
 def _strata(parameters: Parameters) -> int:
-    must_be(
+    require_value(
         parameters, "jitter", parameters.flag("jitter", True), True, "strata are sampled at random points"
     )
     spp = _count(parameters, "xsamples", 4) * _count(parameters, "ysamples", 4)

@@ -163,7 +163,7 @@ def _glass(parameters: Parameters, alpha: float, thin: bool) -> Dielectric:
     return Dielectric(eta, alpha, thin)
 
 
-def resolved(use: MaterialUse, builder: Builder) -> Material:
+def resolve_material(use: MaterialUse, builder: Builder) -> Material:
     """The material that a use stands for, its names looked up; SceneError where there is no such name."""
     if isinstance(use, NamedMaterial):
         use = _named(use.name, use.where, builder.materials)

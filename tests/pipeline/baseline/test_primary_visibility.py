@@ -21,7 +21,7 @@ from pipeline.baseline.surfaces import SPHERE_SAG
 from renderer import build, render
 from renderer.build import RenderScene
 from renderer.camera import make_camera
-from renderer.interfaces.estimator import Reflected
+from renderer.interfaces.estimator import Estimator, Reflected
 from renderer.math.vectors import Floats, dot
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
@@ -45,16 +45,11 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class _Depth:
+class _Depth(Estimator):
     """A probe in the place of an estimator: the distance along the view, in all channels."""
 
     forward: Floats
     origin: Floats
-    name: str = "depth"
-    title: str = "depth"
-    ratio: bool = False
-    quantity: str = "depth"
-    bias: str | None = None
 
     def refuses(self, scene: SceneDescription) -> str | None:
         return None
@@ -76,7 +71,9 @@ class _Ours:
     def depth(self, camera: PerspectiveCamera) -> Floats:
         """(h, w) depths through the middles of pixels, infinite where nothing is hit."""
         axes = camera.camera_to_world
-        probe = _Depth(axes[:3, 2:3] / np.linalg.norm(axes[:3, 2]), axes[:3, 3:4])
+        probe = _Depth(
+            "depth", "depth", axes[:3, 2:3] / np.linalg.norm(axes[:3, 2]), axes[:3, 3:4], quantity="depth"
+        )
         film = replace(self.built.description.film, pixel_filter=MIDDLE)
         seen = replace(self.built, camera=make_camera(camera, film))
         depth = render(seen, estimator=probe, spp=1).image[..., 0]

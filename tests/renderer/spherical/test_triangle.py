@@ -106,7 +106,7 @@ def test_samples_split_off_the_solid_angle_that_they_should(name):
     for turn in TURNS:
         args = columns(CASES[name][list(turn)], n)
         y, _ = sample(U, *args)
-        t = triangle._dealt(*args)
+        t = triangle._with_stable_edge(*args)
         a, b, c = (vector(v[:, 0]) for v in (t.a, t.b, t.c))
         whole, weight = exact(a, b, c), np.sqrt(U[1])
         for i in range(n):
