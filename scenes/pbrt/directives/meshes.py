@@ -37,7 +37,7 @@ class Placement:
 
 def triangle_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
     """`Shape "trianglemesh"`."""
-    vertices, faces = _indexed(parameters, corners=3)
+    vertices, faces = indexed(parameters, corners=3)
     uv = _uv(parameters, len(vertices))
     normals = parameters.vectors("normal", "N")
     parameters.vectors("vector3", "S")  # tangents; what is isotropic does not depend on them
@@ -86,7 +86,7 @@ def _side_of_normals(
 
 def bilinear_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
     """`Shape "bilinearmesh"` of planar patches."""
-    vertices, faces = _indexed(parameters, corners=4)
+    vertices, faces = indexed(parameters, corners=4)
     uv = _uv(parameters, len(vertices))
     if parameters.vectors("normal", "N") is not None:
         parameters.unsupported("N", "normals of a bilinearmesh are not supported: leave them out")
@@ -173,7 +173,8 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
     return geometries
 
 
-def _indexed(parameters: Parameters, corners: int) -> tuple[Array, NDArray[np.int64]]:
+def indexed(parameters: Parameters, corners: int) -> tuple[Array, NDArray[np.int64]]:
+    """The points (m, 3) and the faces (t, corners) of an inline mesh."""
     vertices = parameters.vectors("point3", "P")
     indices = parameters.integers("indices")
     if vertices is None:

@@ -18,6 +18,7 @@ import numpy as np
 from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis
 from scenes.errors import Location, SceneError, Unsupported
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
+from scenes.pbrt.directives.subdivision import loop_subdivision
 from scenes.pbrt.state import Builder, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
@@ -259,6 +260,7 @@ _SHAPES: dict[str, Callable[[Parameters, Placement], list[Geometry]]] = {
     "trianglemesh": triangle_mesh,
     "plymesh": ply_mesh,
     "bilinearmesh": bilinear_mesh,
+    "loopsubdiv": loop_subdivision,
     "sphere": _sphere,
     "disk": _disk,
 }

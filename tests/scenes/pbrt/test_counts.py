@@ -38,6 +38,7 @@ WORLD = {
         "point3 P, integer indices, normal N, point2 uv, vector3 S, float alpha, integer faceIndices"
     ),
     'Shape "bilinearmesh"': "point3 P, integer indices, normal N, point2 uv",
+    'Shape "loopsubdiv"': "point3 P, integer indices, integer levels, string scheme",
     'Shape "sphere"': "float radius, float zmin, float phimax",
     'Shape "disk"': "float radius, float height, float innerradius",
     'Shape "plymesh"': "string filename, texture displacement",

@@ -121,7 +121,7 @@ def test_shapes_know_where_they_stand() -> None:
         ('Camera "perspective"', 1, 1, ("before WorldBegin",)),
         ("AttributeEnd", 1, 1, ("without AttributeBegin",)),
         ("AttributeBegin AttributeBegin AttributeEnd\n", 1, 1, ("without AttributeEnd",)),
-        ('Shape "cube"', 1, 1, ("'cube'", "trianglemesh, plymesh, bilinearmesh, sphere, disk")),
+        ('Shape "cube"', 1, 1, ("'cube'", "trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, disk")),
         ("Shape", 1, 1, ("quoted string",)),
         ("Shape sphere", 1, 7, ("quoted string",)),
         ('Shape "sphere" "float radius"', 1, 16, ("a value",)),

@@ -25,7 +25,7 @@ LightSource "projection" "string filename" "gone.png"
 MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5
 NamedMaterial "glass"
 Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float alpha" 0.5 "float wobble" 3
-Shape "loopsubdiv" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
+Shape "curve" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
 Texture "rust" "spectrum" "fbm"
 Material "diffuse" "texture reflectance" "rust"
 Shape "cylinder"
@@ -83,7 +83,7 @@ def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() ->
         "subsurface",
         ": alpha is",
         "wobble",
-        "loopsubdiv",
+        "'curve'",
     ):
         assert sum(word in line for line in lines) == 1, word
 
@@ -181,8 +181,8 @@ def test_what_an_attribute_says_to_others_is_let_pass() -> None:
 
 
 def test_a_template_parameter_of_what_is_not_supported_does_not_hide_it() -> None:
-    error = refused(f'#$ n 3 "count"\n{HEAD}Shape "loopsubdiv" "integer levels" $n')
-    assert "loopsubdiv" in str(error)
+    error = refused(f'#$ n 3 "count"\n{HEAD}Shape "curve" "integer levels" $n')
+    assert "'curve'" in str(error)
 
 
 def test_places_in_included_files_are_listed_with_their_files(tmp_path: Path) -> None:
