@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from collections.abc import Set as AbstractSet
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
 from renderer.math.vectors import Floats, dot
 from renderer.plan.limits import check
-from renderer.plan.plan import RenderPlan, make_plan, plan_occlusion
+from renderer.plan.plan import PRUNINGS, RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
 from renderer.shading.directions import specular_light
 from renderer.shading.emission import with_emission_images
@@ -96,13 +98,15 @@ def render(
     """Render the direct light of a scene.
 
     estimator, sampler: names from their registries; an estimator of one's own also as itself. spp: samples a
-    pixel. keep: prunings not to make, see `plan.py`. threads, rows: how the work is cut, without effect on a
+    pixel. keep: prunings not to make, of PRUNINGS. threads, rows: how the work is cut, without effect on a
     single bit of the image. progress: called with the share done.
 
-    Raises PenumbraError for unknown names, spp,
-    threads or rows below 1, a seed below 0, and where the estimator does not apply to the scene.
+    Raises PenumbraError for arguments of a wrong type, unknown names, spp, threads or rows below 1, a seed
+    below 0, and where the estimator does not apply to the scene.
     """
     _check_numbers(spp=(spp, 1), seed=(seed, 0), threads=(threads, 1), rows=(rows, 1))
+    _check_types(scene, estimator, sampler, prune, progress)
+    _check_prunings(keep)
     built = scene if isinstance(scene, RenderScene) else build(scene)
     chosen = ESTIMATORS[estimator] if isinstance(estimator, str) else estimator
     _check(built, chosen)
@@ -133,6 +137,28 @@ def _check_numbers(**given: tuple[object, int]) -> None:
     for name, (value, least) in given.items():
         if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
             raise PenumbraError(f"{name} is {value!r}: it must be a whole number of at least {least}")
+
+
+def _check_types(scene: object, estimator: object, sampler: object, prune: object, progress: object) -> None:
+    """PenumbraError for the first argument of a wrong type."""
+    given = isinstance(scene, SceneDescription | RenderScene)
+    for name, value, right, what in (
+        ("scene", scene, given, "a scene that is loaded or built"),
+        ("estimator", estimator, isinstance(estimator, str | Estimator), "a name or an Estimator"),
+        ("sampler", sampler, isinstance(sampler, str), "a name"),
+        ("prune", prune, isinstance(prune, bool), "True or False"),
+        ("progress", progress, progress is None or callable(progress), "a function or None"),
+    ):
+        if not right:
+            raise PenumbraError(f"{name} is {value!r}: it must be {what}")
+
+
+def _check_prunings(keep: object) -> None:
+    """PenumbraError for anything but a set of names from PRUNINGS."""
+    if not isinstance(keep, AbstractSet):
+        raise PenumbraError(f"keep is {keep!r}: it must be a set of prunings, of {', '.join(PRUNINGS)}")
+    if unknown := sorted(map(str, cast("AbstractSet[object]", keep) - set(PRUNINGS))):
+        raise PenumbraError(f"unknown pruning {unknown[0]!r} in keep; there are: {', '.join(PRUNINGS)}")
 
 
 def _check(built: RenderScene, estimator: Estimator) -> None:

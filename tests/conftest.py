@@ -1,18 +1,22 @@
 """Switches that hold for every test: run-time type checks, the slow tier, markers set by fixtures, and tests
 that need a part of the system.
 
+PENUMBRA_FAST=1 leaves out the tests that start processes, and fails one that starts some
+without a fixture or marker that says so.
 PENUMBRA_SLOW=1 (`make test-all`) brings in the tests marked `slow`.
 PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a
 failure.
 
-The fixtures `processes` and `mitsuba` set the markers by which a run leaves out the tests that need them.
+The fixtures `processes`, `mitsuba` and `playwright` set the markers by which a run leaves out their tests.
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
+import multiprocessing.util
 import os
+import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -29,8 +33,20 @@ jaxtyping.install_import_hook(["scenes", "renderer", "pipeline"], "beartype.bear
 
 STRICT = os.environ.get("PENUMBRA_STRICT") == "1"
 SLOW = os.environ.get("PENUMBRA_SLOW") == "1"
+FAST = os.environ.get("PENUMBRA_FAST") == "1"
 _NUMBERS = itertools.count()
-MARKERS = {"processes": "process", "mitsuba": "mitsuba"}  # by the fixture that sets it
+# By the fixture that sets it.
+MARKERS = {"processes": "process", "mitsuba": "mitsuba", "playwright": "browser"}
+STARTING = {*MARKERS.values(), "opengl"}  # markers of tests that start processes
+STARTS = {
+    "subprocess.Popen",
+    "os.fork",
+    "os.forkpty",
+    "os.posix_spawn",
+    "os.system",
+    "os.exec",
+}  # audit events
+_running = [""]  # the test that must start no process, while it runs
 
 
 @pytest.fixture(scope="session")
@@ -59,6 +75,39 @@ def _references_of_this_test(
     monkeypatch.delenv("PENUMBRA_PBRT", raising=False)
 
 
+def _refuse(event: str, arguments: tuple[object, ...]) -> None:
+    if _running[0] and (event in STARTS or (event == "import" and arguments[0] == "mitsuba")):
+        starts = "imports Mitsuba" if event == "import" else f"starts a process ({event})"
+        pytest.fail(
+            f"{_running[0]} {starts}: let it request the fixture `processes` or `mitsuba`", pytrace=False
+        )
+
+
+def _guard() -> None:
+    """Let every start of a process meet `_refuse`; multiprocessing raises no audit event of its own."""
+    sys.addaudithook(_refuse)
+    start = multiprocessing.util.spawnv_passfds
+
+    def spawn(path: bytes, arguments: object, passed: object) -> int:
+        _refuse("os.posix_spawn", ())
+        return start(path, arguments, passed)
+
+    multiprocessing.util.spawnv_passfds = spawn
+
+
+if FAST:
+    _guard()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    _running[0] = "" if any(map(item.get_closest_marker, STARTING)) else item.nodeid
+    try:
+        return (yield)
+    finally:
+        _running[0] = ""
+
+
 @functools.cache
 def _works(part: Part) -> bool:
     return part.works()
@@ -70,16 +119,17 @@ def _parts(item: pytest.Item) -> Iterator[Part]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Set markers from fixtures; leave the slow tier out, unless the environment or `-m` asks for it."""
+    """Set markers from fixtures; leave out what starts processes if asked, slow tests if not."""
     for item in items:
         for fixture in MARKERS.keys() & set(getattr(item, "fixturenames", ())):
             item.add_marker(MARKERS[fixture])
-    if SLOW or "slow" in config.option.markexpr:
-        return
-    slow = [item for item in items if item.get_closest_marker("slow")]
-    if slow:
-        config.hook.pytest_deselected(items=slow)
-        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+    left_out = STARTING if FAST else set[str]()
+    if not SLOW and "slow" not in config.option.markexpr:
+        left_out = left_out | {"slow"}
+    out = [item for item in items if any(map(item.get_closest_marker, left_out))]
+    if out:
+        config.hook.pytest_deselected(items=out)
+        items[:] = [item for item in items if item not in set(out)]
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -18,8 +18,6 @@ from playwright.sync_api import Locator, Page, Playwright, Route, TimeoutError, 
 
 from tests.system_parts import chromium
 
-pytestmark = pytest.mark.browser
-
 ROOT = Path(__file__).parents[2]
 SCREENSHOTS = ROOT / "runs" / "screenshots"
 DEMO = Path(os.environ.get("PENUMBRA_REPORT", ROOT / "runs" / "demo" / "report" / "index.html"))

@@ -229,7 +229,7 @@ def test_conductors_of_a_reflectance_have_it():
     )
 
 
-def test_plain_scenes_do_not_pay_for_colour_science():
+def test_plain_scenes_do_not_pay_for_colour_science(processes):
     """It takes 0.7 s to import: more than a small scene takes to render."""
     script = "import sys, scenes.color; print('colour' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

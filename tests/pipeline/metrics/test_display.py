@@ -119,7 +119,7 @@ def test_flip_of_a_half_black_picture_takes_few_exposures() -> None:
     assert Flip()(Estimate(truth * 0.9), exact(truth)).score.note.startswith("2 exposures")
 
 
-def test_flip_on_a_black_reference_would_end_the_process() -> None:
+def test_flip_on_a_black_reference_would_end_the_process(processes: None) -> None:
     """The trap is real: when the library stops ending the process, this test tells us to take the guard
     out.
     """
