@@ -18,7 +18,8 @@ class SurfaceHit:
     surface. shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
     triangle, primitive: (n,) int64, the triangle or analytic primitive that the point lies on, -1 for none.
     uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures. front: (n,), or (1,) for all,
-    whether wo lies on the side that the surface's orientation calls its outside.
+    whether wo lies on the side that the surface's orientation calls its outside. tangent: (3, n) dp/du of any
+    length, 0 where the surface has none; (3, 1) zeros in a scene of isotropic materials.
     """
 
     p: Floats
@@ -29,6 +30,7 @@ class SurfaceHit:
     primitive: NDArray[np.int64]
     uv: Floats
     front: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
+    tangent: Floats = field(default_factory=lambda: np.zeros((3, 1)))
 
     def normal_towards(self, wi: Floats) -> Floats:
         """(3, n): the normals on the side of wi (3, n), which is the other one where light is transmitted."""
@@ -45,6 +47,7 @@ class SurfaceHit:
             self.primitive[rows],
             self.uv if self.uv.shape[1] == 1 else self.uv.take(rows, axis=1),
             self.front if self.front.size == 1 else self.front[rows],
+            self.tangent if self.tangent.shape[1] == 1 else self.tangent.take(rows, axis=1),
         )
 
 

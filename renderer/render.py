@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Integral
 from typing import cast
@@ -305,8 +305,13 @@ def _surface(
     glowing = np.flatnonzero(scene.sources.of_shape[shape] >= 0)
     if glowing.size:
         p[:, glowing] += n.take(glowing, axis=1) * scene.contact_epsilon
-    uv = np.zeros((2, 1)) if scene.coordinates is None else scene.coordinates.at(p, triangle, primitive)
-    return SurfaceHit(p, n, -d, shape, triangle, primitive, uv, front)
+    hit = SurfaceHit(p, n, -d, shape, triangle, primitive, np.zeros((2, 1)), front)
+    if scene.coordinates is None:
+        return hit
+    hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))
+    if not scene.coordinates.oriented:
+        return hit
+    return replace(hit, tangent=scene.coordinates.tangent(p, triangle, primitive))
 
 
 def _normals(

@@ -73,10 +73,10 @@ def _color(material: Material) -> tuple[Array, float | None]:
     """Albedo, or reflectance at normal incidence and roughness."""
     if isinstance(material, Conductor):
         below, above = (material.eta - 1) ** 2 + material.k**2, (material.eta + 1) ** 2 + material.k**2
-        return below / above, material.alpha
+        return below / above, material.mean_alpha
     if isinstance(material, Dielectric):  # opaque here: what a pane reflects, and nothing of what it shows
         reflectance = ((material.eta - 1) / (material.eta + 1)) ** 2
-        return np.full(3, reflectance), material.alpha
+        return np.full(3, reflectance), material.mean_alpha
     return _mean(material.reflectance), None
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from renderer.geometry.analytic import SPHERE, AnalyticPrimitives
 from renderer.geometry.primitives import is_analytic
-from renderer.math.vectors import Floats, dot
-from scenes.description.materials import Diffuse
+from renderer.math.vectors import Floats, cross, dot
+from scenes.description.materials import Microfacets
 from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
 from scenes.errors import SceneError
 
@@ -26,7 +26,7 @@ class Coordinates:
 
     origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and
     of_primitive: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres
-    and disks.
+    and disks. oriented: whether the scattering of some surface turns with dp/du.
     """
 
     origin: Floats
@@ -35,10 +35,11 @@ class Coordinates:
     of_primitive: NDArray[np.int64]
     frames: Floats
     analytic: AnalyticPrimitives
+    oriented: bool
 
     def at(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
         """(2, n) coordinates of points p (3, n) on their primitives."""
-        face = np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_primitive, primitive))
+        face = self._face(triangle, primitive)
         out = np.zeros((2, p.shape[1]))
         rows = np.flatnonzero(face >= 0)
         if rows.size:
@@ -49,6 +50,29 @@ class Coordinates:
         if rows.size:
             out[:, rows] = self._round(p.take(rows, axis=1), primitive[rows])
         return out
+
+    def tangent(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
+        """(3, n) along dp/du or against it, of any length, at points p (3, n) on their primitives; 0 where
+        the coordinates are degenerate.
+
+        Of an affine face it is normal to the gradient of v, within the face; on spheres and disks it turns
+        about their axis.
+        """
+        face = self._face(triangle, primitive)
+        out = np.zeros_like(p)
+        rows = np.flatnonzero(face >= 0)
+        if rows.size:
+            du, dv = (self.along[i].take(face[rows], axis=1) for i in range(2))
+            out[:, rows] = cross(dv, cross(du, dv))
+        rows = np.flatnonzero((triangle < 0) & (primitive >= 0) & (face < 0))
+        if rows.size:
+            which = primitive[rows]
+            away = p.take(rows, axis=1) - self.analytic.origin.take(which, axis=1)
+            out[:, rows] = cross(np.ascontiguousarray(self.frames[:, 2].take(which, axis=1)), away)
+        return out
+
+    def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_primitive, primitive))
 
     def _round(self, p: Floats, which: NDArray[np.int64]) -> Floats:
         """On spheres u is the angle about z and v = 1 - theta/pi; on disks v goes from 1 at the centre to 0
@@ -104,13 +128,13 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
         np.array(primitives, dtype=np.int64),
         np.stack(frames or [np.eye(3)], axis=2),
         analytic,
+        any(isinstance(s.material, Microfacets) and s.material.needs_uv for s in shapes),
     )
 
 
 def varies(s: ShapeDescription) -> bool:
     """Whether a shape's material or emission depends on texture coordinates."""
-    textured = isinstance(s.material, Diffuse) and not isinstance(s.material.reflectance, np.ndarray)
-    return textured or (s.emission is not None and s.emission.image is not None)
+    return s.material.needs_uv or (s.emission is not None and s.emission.image is not None)
 
 
 def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
@@ -118,7 +142,8 @@ def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
     is one of them, any other two.
     """
     if isinstance(mesh, BilinearMesh) and varies(s) and not mesh.are_parallelograms():
-        raise SceneError("a texture on a patch that is no parallelogram is not supported", s.where)
+        what = "anisotropic roughness" if isinstance(s.material, Microfacets) else "a texture"
+        raise SceneError(f"{what} on a patch that is no parallelogram is not supported", s.where)
     if is_analytic(s):
         return mesh.vertices[mesh.faces[:, :3]], mesh.corner_uv()[:, :3]
     return mesh.vertices[mesh.triangulated().faces], mesh.triangle_uv()

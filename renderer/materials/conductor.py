@@ -1,12 +1,8 @@
 """Rough metal: a surface of microscopic mirrors, the same from both sides, as pbrt's `conductor`.
 
-With the half vector h = wo + wi, mu = cosines with the normal n, and q(mu) = sqrt(mu^2 + alpha^2 (1 - mu^2)):
+With the half vector h = wo + wi, and D, G and q of `renderer.shading.microfacets`, 1 + 2 Lambda = q(mu) / mu:
 
-    D  = alpha^2 / (pi cos^4(h) (alpha^2 + tan^2(h))^2)         Trowbridge and Reitz's distribution
-    [walter2007, eq. 33]
-    G  = 1 / (1 + Lambda(wo) + Lambda(wi))                      height-correlated Smith masking [heitz2014,
-    eq. 99]
-       = 2 mu_o mu_i / (mu_i q(mu_o) + mu_o q(mu_i))            as 1 + 2 Lambda = q(mu) / mu
+    G  = 2 mu_o mu_i / (mu_i q(mu_o) + mu_o q(mu_i))
     f  = F D G / (4 mu_o mu_i) = F D / (2 (mu_i q(mu_o) + mu_o q(mu_i)))
     pdf of wi, its half vector being a normal seen from wo = D / (2 (mu_o + q(mu_o)))
 
@@ -25,7 +21,7 @@ import numpy as np
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample
 from renderer.math.vectors import Floats, dot, gather
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.microfacets import TINY, projected, visible_normal
+from renderer.shading.microfacets import TINY, Facets, alphas_across
 from scenes.description.materials import Conductor
 from scenes.description.shapes import ShapeDescription, Sphere
 
@@ -33,13 +29,14 @@ from scenes.description.shapes import ShapeDescription, Sphere
 @dataclass(frozen=True, eq=False)
 class ConductorMaterials:
     """alpha, metal: (s,); `metal` is 1, or 0 for shapes of other materials. difference, product: (3, s),
-    eta^2 - k^2 and 2 eta k.
+    eta^2 - k^2 and 2 eta k. alpha_v: (s,) across dp/du, None if all are isotropic.
     """
 
     alpha: Floats
     metal: Floats
     difference: Floats
     product: Floats
+    alpha_v: Floats | None
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -60,21 +57,24 @@ class ConductorMaterials:
         rows = [s.material if type(s.material) is Conductor else none for s in shapes]
         eta, k = (np.stack(part, axis=1) for part in ([r.eta for r in rows], [r.k for r in rows]))
         metal = np.array([float(cls.accepts(s)) for s in shapes])
-        return cls(np.array([r.alpha for r in rows]), metal, (eta - k) * (eta + k), 2 * eta * k)
+        alpha = np.array([r.alpha for r in rows])
+        across = alphas_across(alpha, [r.alpha_v for r in rows])
+        return cls(alpha, metal, (eta - k) * (eta + k), 2 * eta * k, across)
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
         mu_o, mu_i = np.maximum(dot(hit.wo, hit.n), 0.0), np.maximum(dot(wi, hit.n), 0.0)
-        alpha = gather(self.alpha, hit.shape)
-        distribution, h2 = _half(hit, wi, alpha)
+        facets = Facets.at(hit, self.alpha, self.alpha_v)
+        distribution, h2 = facets.distribution(hit.wo + wi)
         # 0 where both directions graze: the numerator is 0 there already.
-        between = np.maximum(mu_i * projected(mu_o, alpha) + mu_o * projected(mu_i, alpha), TINY)
-        lobe = gather(self.metal, hit.shape) * ((mu_i > 0) & (alpha > 0)) * distribution / (2 * between)
+        between = mu_i * facets.projected(hit.wo, mu_o) + mu_o * facets.projected(wi, mu_i)
+        rough = (mu_i > 0) & (facets.alpha > 0)
+        lobe = gather(self.metal, hit.shape) * rough * distribution / (2 * np.maximum(between, TINY))
         cosine = np.minimum(0.5 * np.sqrt(h2), 1.0)
         return fresnel(cosine, gather(self.difference, hit.shape), gather(self.product, hit.shape)) * lobe
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
         """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon."""
-        normal = visible_normal(hit.n, hit.wo, gather(self.alpha, hit.shape), u)
+        normal = Facets.at(hit, self.alpha, self.alpha_v).visible_normal(hit.wo, u)
         wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
         wi -= hit.wo
         rough = BSDFSample(wi, self.evaluate(hit, wi), self.pdf(hit, wi))
@@ -94,25 +94,28 @@ class ConductorMaterials:
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
         mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
-        alpha = gather(self.alpha, hit.shape)
-        distribution, _ = _half(hit, wi, alpha)
-        return (dot(wi, hit.n) > 0) * distribution / np.maximum(2 * (mu_o + projected(mu_o, alpha)), TINY)
+        facets = Facets.at(hit, self.alpha, self.alpha_v)
+        distribution, _ = facets.distribution(hit.wo + wi)
+        seen = np.maximum(2 * (mu_o + facets.projected(hit.wo, mu_o)), TINY)
+        return (dot(wi, hit.n) > 0) * distribution / seen
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:
         copper = np.array([0.21, 0.98, 1.2]), np.array([4.2, 2.6, 2.4])
         perfect = np.full(3, 1e-3), np.full(3, 1e3)
-        kinds = [
-            ("polished copper", copper, 1e-3),
-            ("brushed copper", copper, 0.1),
-            ("rough copper", copper, 0.5),
-            ("sandy copper", copper, 1.0),
-            ("a rough perfect mirror", perfect, 0.3),
+        kinds: list[tuple[str, tuple[Floats, Floats], float, float | None]] = [
+            ("polished copper", copper, 1e-3, None),
+            ("satin copper", copper, 0.1, None),
+            ("rough copper", copper, 0.5, None),
+            ("sandy copper", copper, 1.0, None),
+            ("brushed copper", copper, 0.3, 0.05),
+            ("a rough perfect mirror", perfect, 0.3, None),
+            ("a brushed perfect mirror", perfect, 0.1, 0.6),
         ]
         ball = Sphere(np.zeros(3), 1.0)
         return [
-            MaterialExample(name, ShapeDescription(ball, Conductor(eta, k, alpha)))
-            for name, (eta, k), alpha in kinds
+            MaterialExample(name, ShapeDescription(ball, Conductor(eta, k, alpha, alpha_v)))
+            for name, (eta, k), alpha, alpha_v in kinds
         ]
 
 
@@ -144,21 +147,6 @@ def fresnel(cosine: Floats, difference: Floats, product: Floats) -> Floats:
     # 0 / 0 only for a surface without contrast, seen edge-on.
     c /= np.maximum(below, TINY)
     return np.maximum(c, 0.0, out=c)
-
-
-def _half(hit: SurfaceHit, wi: Floats, alpha: Floats) -> tuple[Floats, Floats]:
-    """The distribution of normals at the half vector (n,), 1/sr, and the squared length of wo + wi (n,).
-
-    D = (alpha |h|^2 / (alpha^2 (n.h)^2 + |h - n (n.h)|^2))^2 / pi. Of opposite directions, both along the
-    surface, 0.
-    """
-    h = hit.wo + wi
-    along = dot(hit.n, h)
-    across = h - hit.n * along
-    cosine2, sine2 = along * along, dot(across, across)
-    h2 = cosine2 + sine2
-    root = alpha * h2 / np.maximum(alpha * alpha * cosine2 + sine2, TINY)
-    return root * root * (1 / np.pi), h2
 
 
 MATERIALS.add("conductor", ConductorMaterials)

@@ -14,14 +14,14 @@ A pane's reflections between its two sides add up to R = 2 F / (1 + F); what it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample
 from renderer.math.vectors import Floats, dot, gather, normalize
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.microfacets import TINY, distribution, fresnel_dielectric, projected, visible_normal
+from renderer.shading.microfacets import TINY, Facets, alphas_across, fresnel_dielectric
 from scenes.description.materials import Dielectric
 from scenes.description.shapes import ShapeDescription, Sphere
 
@@ -30,12 +30,16 @@ BITS = 2.0**16
 
 @dataclass(frozen=True, eq=False)
 class DielectricMaterials:
-    """glass, eta, alpha, thin: (s,). `glass` is 1, or 0 for shapes of other materials; alpha 0 is smooth."""
+    """glass, eta, alpha, thin: (s,). `glass` is 1, or 0 for shapes of other materials; alpha 0 is smooth.
+
+    alpha_v: (s,) across dp/du, None if all are isotropic.
+    """
 
     glass: Floats
     eta: Floats
     alpha: Floats
     thin: Floats
+    alpha_v: Floats | None
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -51,45 +55,48 @@ class DielectricMaterials:
     def make(cls, shapes: Sequence[ShapeDescription]) -> DielectricMaterials:
         none = Dielectric(1.0, 0.0)
         rows = [s.material if isinstance(s.material, Dielectric) else none for s in shapes]
+        alpha = np.array([r.alpha for r in rows])
         return cls(
             np.array([float(cls.accepts(s)) for s in shapes]),
             np.array([r.eta for r in rows]),
-            np.array([r.alpha for r in rows]),
+            alpha,
             np.array([float(r.thin) for r in rows]),
+            alphas_across(alpha, [r.alpha_v for r in rows]),
         )
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        alpha, eta = self._rough(hit)
+        facets, eta = self._rough(hit)
         mu_o, mu_i = _cosine(hit), dot(wi, hit.n)
         h, wo_m, wi_m = _half(hit, wi, eta)
         f, _ = fresnel_dielectric(np.clip(wo_m, 0.0, 1.0), eta)
-        lobe = gather(self.glass, hit.shape) * (alpha > 0) * distribution(hit.n, h, alpha)
+        lobe = gather(self.glass, hit.shape) * (facets.alpha > 0) * facets.distribution(h)[0]
         across = np.abs(mu_i)
-        lobe /= np.maximum(across * projected(mu_o, alpha) + mu_o * projected(across, alpha), TINY)
+        between = across * facets.projected(hit.wo, mu_o) + mu_o * facets.projected(wi, across)
+        lobe /= np.maximum(between, TINY)
         refracted = 2 * (1.0 - f) * wo_m * np.abs(wi_m) / np.maximum(dot(h, h), TINY)
         seen = (wo_m > 0) & (wi_m * mu_i > 0)
         return np.broadcast_to(np.where(seen, lobe * np.where(mu_i > 0, f / 2, refracted), 0.0), wi.shape)
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        alpha, eta = self._rough(hit)
+        facets, eta = self._rough(hit)
         mu_o, mu_i = _cosine(hit), dot(wi, hit.n)
         h, wo_m, wi_m = _half(hit, wi, eta)
         f, _ = fresnel_dielectric(np.clip(wo_m, 0.0, 1.0), eta)
-        visible = gather(self.glass, hit.shape) * (alpha > 0) * distribution(hit.n, h, alpha)
-        visible *= 2 / (mu_o + projected(mu_o, alpha))
+        visible = gather(self.glass, hit.shape) * (facets.alpha > 0) * facets.distribution(h)[0]
+        visible *= 2 / (mu_o + facets.projected(hit.wo, mu_o))
         refracted = wo_m * np.abs(wi_m) * (eta * eta / np.maximum(dot(h, h), TINY))
         chance = np.where(mu_i > 0, f / 4, (1.0 - f) * refracted)
         return np.where((wo_m > 0) & (wi_m * mu_i > 0), visible * chance, 0.0)
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        alpha, eta = self._rough(hit)
-        if not (gather(self.alpha, hit.shape) == 0).any():
-            return self._rough_sample(hit, u, alpha, eta)
+        facets, eta = self._rough(hit)
+        delta = facets.alpha == 0
+        if not delta.any():
+            return self._rough_sample(hit, u, facets, eta)
         smooth = self._smooth_sample(hit, u)
-        if not (alpha > 0).any():
+        if delta.all():
             return smooth
-        rough = self._rough_sample(hit, u, np.maximum(alpha, TINY), eta)
-        delta = gather(self.alpha, hit.shape) == 0
+        rough = self._rough_sample(hit, u, replace(facets, alpha=np.maximum(facets.alpha, TINY)), eta)
         return BSDFSample(
             np.where(delta, smooth.wi, rough.wi),
             np.where(delta, smooth.value, rough.value),
@@ -97,13 +104,13 @@ class DielectricMaterials:
             np.broadcast_to(delta, smooth.pdf.shape),
         )
 
-    def _rough_sample(self, hit: SurfaceHit, u: Floats, alpha: Floats, eta: Floats) -> BSDFSample:
+    def _rough_sample(self, hit: SurfaceHit, u: Floats, facets: Facets, eta: Floats) -> BSDFSample:
         """A microfacet that wo sees, and either of its two directions; pdf 0 where that is on the wrong side.
 
         The later bits of u[0] choose between them: what its first bits give turns the microfacet by 2^-16 of
         a circle at most meanwhile.
         """
-        m = normalize(visible_normal(hit.n, hit.wo, alpha, u))
+        m = normalize(facets.visible_normal(hit.wo, u))
         wo_m = dot(hit.wo, m)
         f, refracted = fresnel_dielectric(np.clip(wo_m, 0.0, 1.0), eta)
         mirrored = u[0] * BITS % 1.0 < f
@@ -133,21 +140,19 @@ class DielectricMaterials:
         eta = gather(self.eta, hit.shape)
         return np.where(hit.front, eta, 1 / eta)
 
-    def _rough(self, hit: SurfaceHit) -> tuple[Floats, Floats]:
-        return gather(self.alpha, hit.shape), self._eta(hit)
+    def _rough(self, hit: SurfaceHit) -> tuple[Facets, Floats]:
+        return Facets.at(hit, self.alpha, self.alpha_v), self._eta(hit)
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:
         ball = Sphere(np.zeros(3), 1.0)
         kinds = [
-            ("frosted glass", 1.5, 0.3),
-            ("polished glass", 1.5, 0.02),
-            ("a rough bubble", 1 / 1.33, 0.5),
+            ("frosted glass", Dielectric(1.5, 0.3)),
+            ("polished glass", Dielectric(1.5, 0.02)),
+            ("brushed glass", Dielectric(1.5, 0.4, alpha_v=0.1)),
+            ("a rough bubble", Dielectric(1 / 1.33, 0.5)),
         ]
-        return [
-            MaterialExample(name, ShapeDescription(ball, Dielectric(eta, alpha)))
-            for name, eta, alpha in kinds
-        ]
+        return [MaterialExample(name, ShapeDescription(ball, glass)) for name, glass in kinds]
 
 
 def _cosine(hit: SurfaceHit) -> Floats:

@@ -5,13 +5,20 @@ With mu the cosine of a direction with the normal n and q(mu) = sqrt(mu^2 + alph
     D  = alpha^2 / (pi cos^4(m) (alpha^2 + tan^2(m))^2)          [walter2007, eq. 33]
     G  = 2 mu_o mu_i / (mu_i q(mu_o) + mu_o q(mu_i))             height-correlated masking [heitz2014, eq. 99]
     D_o = 2 D |wo.m| / (mu_o + q(mu_o))                          density of the normals m that wo sees
+
+Anisotropic microfacets have an alpha along dp/du and one across it [pharr2023, sec. 9.6.1]. With x, y, z
+the parts of a unit vector along, across and up, q^2 = z^2 + (alpha_u x)^2 + (alpha_v y)^2 and
+D = 1 / (pi alpha_u alpha_v (z^2 + (x / alpha_u)^2 + (y / alpha_v)^2)^2).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from renderer.math.vectors import Floats, combine, dot, frame_about
+from renderer.math.vectors import Floats, combine, cross, dot, frame_about, gather
+from renderer.records import SurfaceHit
 
 TINY = np.finfo(np.float64).tiny
 
@@ -23,11 +30,16 @@ def projected(cosine: Floats, alpha: Floats) -> Floats:
 
 def distribution(n: Floats, m: Floats, alpha: Floats) -> Floats:
     """D (n,) in 1/sr at microfacet normals m (3, n), of any length; the sine is taken across n."""
+    return _distribution(n, m, alpha)[0]
+
+
+def _distribution(n: Floats, m: Floats, alpha: Floats) -> tuple[Floats, Floats]:
+    """D and the squared length of m, (n,) each."""
     along = dot(n, m)
     across = m - n * along
     cosine2, sine2 = along * along, dot(across, across)
     root = alpha * (cosine2 + sine2) / np.maximum(alpha * alpha * cosine2 + sine2, TINY)
-    return root * root * (1 / np.pi)
+    return root * root * (1 / np.pi), cosine2 + sine2
 
 
 def visible_normal(n: Floats, wo: Floats, alpha: Floats, u: Floats) -> Floats:
@@ -48,6 +60,74 @@ def visible_normal(n: Floats, wo: Floats, alpha: Floats, u: Floats) -> Floats:
     normal = combine(frame_about(n), sine * np.cos(phi), sine * np.sin(phi), height - pull * mu_o)
     normal += wo * pull
     return normal
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """The microfacets of points. n: (3, n) normals. alpha: (n,) or (1,), along x where they are anisotropic.
+
+    axes: x along dp/du and y across it, (3, n) unit, with alpha_v (n,) or (1,); None of isotropic ones.
+    """
+
+    n: Floats
+    alpha: Floats
+    axes: tuple[Floats, Floats, Floats] | None
+
+    @classmethod
+    def at(cls, hit: SurfaceHit, alpha: Floats, alpha_v: Floats | None) -> Facets:
+        """alpha, alpha_v: (s,) of shapes; None where all of them are isotropic.
+
+        Without a tangent x is as pbrt chooses it, by the normal alone.
+        """
+        if alpha_v is None:
+            return cls(hit.n, gather(alpha, hit.shape), None)
+        x = hit.tangent - hit.n * dot(hit.n, hit.tangent)
+        square = dot(x, x)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            x = np.where(square > 0, x / np.sqrt(square), frame_about(hit.n)[0])
+        return cls(hit.n, gather(alpha, hit.shape), (x, cross(hit.n, x), gather(alpha_v, hit.shape)))
+
+    def projected(self, w: Floats, cosine: Floats) -> Floats:
+        """q (n,) of directions w (3, n), whose cosine with n is given."""
+        if self.axes is None:
+            return projected(cosine, self.alpha)
+        x, y, alpha_v = self.axes
+        along, across = self.alpha * dot(w, x), alpha_v * dot(w, y)
+        return np.sqrt(cosine * cosine + (along * along + across * across))
+
+    def distribution(self, m: Floats) -> tuple[Floats, Floats]:
+        """D (n,) in 1/sr at microfacet normals m (3, n) of any length, and their squared lengths (n,)."""
+        if self.axes is None:
+            return _distribution(self.n, m, self.alpha)
+        x, y, alpha_v = self.axes
+        flat_x, flat_y, up = dot(m, x), dot(m, y), dot(m, self.n)
+        both = self.alpha * alpha_v
+        square = flat_x * flat_x + flat_y * flat_y + up * up
+        spread = (alpha_v * flat_x) ** 2 + (self.alpha * flat_y) ** 2 + (both * up) ** 2
+        root = square * both / np.maximum(spread, TINY)
+        return root * root * (both / np.pi), square
+
+    def visible_normal(self, wo: Floats, u: Floats) -> Floats:
+        """As the function of that name."""
+        if self.axes is None:
+            return visible_normal(self.n, wo, self.alpha, u)
+        x, y, alpha_v = self.axes
+        mu_o = np.maximum(dot(wo, self.n), 0.0)
+        scale = 1 / np.maximum(self.projected(wo, mu_o), TINY)
+        z = mu_o * scale
+        height = (1.0 - u[1]) * (1.0 + z)
+        sine = np.sqrt(u[1] * (1.0 + z) * (height + (1.0 - z)))
+        phi = (2 * np.pi) * u[0]
+        along = self.alpha * (sine * np.cos(phi) + scale * self.alpha * dot(wo, x))
+        across = alpha_v * (sine * np.sin(phi) + scale * alpha_v * dot(wo, y))
+        return combine((x, y, self.n), along, across, height)
+
+
+def alphas_across(alpha: Floats, alpha_v: list[float | None]) -> Floats | None:
+    """(s,) the alphas across dp/du of shapes, alpha (s,) where none is given; None if all are isotropic."""
+    if all(one is None for one in alpha_v):
+        return None
+    return np.array([a if v is None else v for a, v in zip(alpha, alpha_v, strict=True)])
 
 
 def fresnel_dielectric(cosine: Floats, eta: Floats) -> tuple[Floats, Floats]:

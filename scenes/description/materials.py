@@ -18,31 +18,56 @@ class Diffuse:
 
     reflectance: Texture
 
+    @property
+    def needs_uv(self) -> bool:
+        """Whether it matters how texture coordinates lie on the surface."""
+        return not isinstance(self.reflectance, np.ndarray)
+
+
+class Microfacets:
+    """Of GGX (Trowbridge-Reitz), remapping already done: alpha 0 is smooth.
+
+    alpha: along dp/du, at least 1e-4, and alpha_v: across it, None where it is alpha too.
+    """
+
+    alpha: float
+    alpha_v: float | None
+
+    @property
+    def needs_uv(self) -> bool:
+        """Whether it matters how texture coordinates lie on the surface."""
+        return self.alpha_v is not None
+
+    @property
+    def mean_alpha(self) -> float:
+        """Of isotropic microfacets with the same density of normals along the surface's."""
+        return self.alpha if self.alpha_v is None else float(np.sqrt(self.alpha * self.alpha_v))
+
 
 @dataclass(frozen=True, eq=False)
-class Conductor:
-    """A metal: GGX microfacets (Trowbridge-Reitz) with the Fresnel reflectance of eta + i k, two-sided.
+class Conductor(Microfacets):
+    """A metal: microfacets with the Fresnel reflectance of eta + i k, two-sided; a mirror if smooth.
 
-    eta, k: (3,) float64 for red, green and blue. alpha: of the distribution, remapping already done, at least
-    1e-3; 0 for a mirror.
+    eta, k: (3,) float64 for red, green and blue.
     """
 
     eta: Array
     k: Array
     alpha: float
+    alpha_v: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Dielectric:
+class Dielectric(Microfacets):
     """A boundary of glass or the like. eta: the index inside over that outside, the side of the normal.
 
-    alpha: of the GGX distribution, remapping already done, 0 for a smooth boundary. thin: whether it is a
-    pane with both of its sides, which is smooth and bends no ray.
+    thin: whether it is a pane with both of its sides, which is smooth and bends no ray.
     """
 
     eta: float
     alpha: float
     thin: bool = False
+    alpha_v: float | None = None
 
 
 Material = Diffuse | Conductor | Dielectric

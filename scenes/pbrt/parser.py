@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.description.materials import Diffuse, Material
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Emission, Geometry, ShapeDescription
 from scenes.errors import SceneError
@@ -119,10 +118,6 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
     if placed.light is not None:
         parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]
-    if not _textured(material):
+    if not material.needs_uv:
         parts = [(geometry.untextured(), emission) for geometry, emission in parts]
     return [ShapeDescription(geometry, material, emission, placed.where) for geometry, emission in parts]
-
-
-def _textured(material: Material) -> bool:
-    return isinstance(material, Diffuse) and not isinstance(material.reflectance, np.ndarray)

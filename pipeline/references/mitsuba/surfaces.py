@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description.materials import Conductor, Dielectric, Diffuse, Material
+from scenes.description.materials import Conductor, Dielectric, Diffuse, Material, Microfacets
 from scenes.description.shapes import Array
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import Location, SceneError
@@ -38,6 +38,8 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
 
     SceneError where its textures have no counterpart.
     """
+    if isinstance(material, Microfacets) and material.alpha_v is not None:
+        raise SceneError("anisotropic roughness cannot be given to Mitsuba: its frames are not pbrt's", where)
     if isinstance(material, Dielectric):
         return _dielectric(material, where)
     if isinstance(material, Conductor) and material.alpha == 0:

@@ -25,7 +25,8 @@ from scenes.pbrt.text.parameters import Parameter, Parameters
 
 Array = NDArray[np.float64]
 
-SMOOTH = 1e-3  # below this alpha pbrt-v4 takes a surface for smooth
+SMOOTH = 1e-3  # where neither alpha reaches this, pbrt-v4 takes a surface for smooth
+LEAST = 1e-4  # the least alpha of a surface that is not
 # pbrt's glasses by their index at 587.6 nm, as Schott's catalogue has it.
 GLASSES = {
     "glass-BK7": 1.5168, "glass-BAF10": 1.67003, "glass-FK51A": 1.48656, "glass-LASF9": 1.85025,
@@ -73,11 +74,11 @@ def _conductor(parameters: Parameters) -> Conductor:
     if reflectance is not None:
         if eta is not None or k is not None:
             raise parameters.fail("reflectance", "a conductor has either reflectance or eta and k, not both")
-        return Conductor(*color.conductor_of_reflectance(reflectance), alpha)
+        return Conductor(*color.conductor_of_reflectance(reflectance), *alpha)
     found = _refractive_index(parameters, eta, k)
     if not np.all(found[0] > 0):
         raise parameters.fail("eta", "eta must be positive for red, green and blue")
-    return Conductor(*found, alpha)
+    return Conductor(*found, *alpha)
 
 
 def _refractive_index(
@@ -120,32 +121,32 @@ def _tabulated(parameters: Parameters, parameter: Parameter) -> Array:
     return np.interp(np.linspace(360.0, 830.0, 471), wavelengths, values)
 
 
-def _alpha(parameters: Parameters) -> float:
-    """Of the microfacet distribution, the same both ways; 0 for a surface that pbrt takes for smooth."""
+def _alpha(parameters: Parameters) -> tuple[float, float | None]:
+    """Of the microfacet distribution along dp/du and across, None where it is the same both ways; 0 for a
+    surface that pbrt takes for smooth.
+    """
     roughness = parameters.number("roughness", 0.0)
     u, v = parameters.number("uroughness", roughness), parameters.number("vroughness", roughness)
     remap = parameters.flag("remaproughness", True)
     if min(u, v) < 0:
         name = next(name for name in ("uroughness", "vroughness", "roughness") if parameters.given(name))
         raise parameters.fail(name, f"{name} must not be negative")
-    if u != v:
-        parameters.unsupported(
-            "uroughness",
-            f"uroughness {u:g} and vroughness {v:g} differ: only isotropic microfacets are supported",
-        )
-    alpha = float(np.sqrt(u)) if remap else u
-    return alpha if alpha >= SMOOTH else 0.0
+    along, across = (float(np.sqrt(one)) if remap else one for one in (u, v))
+    if max(along, across) < SMOOTH:
+        return 0.0, None
+    along, across = max(along, LEAST), max(across, LEAST)
+    return along, None if along == across else across
 
 
 def _dielectric(parameters: Parameters) -> Dielectric:
-    return _glass(parameters, _alpha(parameters), False)
+    return _glass(parameters, *_alpha(parameters))
 
 
 def _thin_dielectric(parameters: Parameters) -> Dielectric:
-    return _glass(parameters, 0.0, True)
+    return _glass(parameters, 0.0, None, thin=True)
 
 
-def _glass(parameters: Parameters, alpha: float, thin: bool) -> Dielectric:
+def _glass(parameters: Parameters, alpha: float, alpha_v: float | None, thin: bool = False) -> Dielectric:
     """eta: a number, or a glass of pbrt's by its name, whose dispersion is left out."""
     parameter = parameters.take("eta", "float", "spectrum")
     if parameter is None or parameter.type == "float":
@@ -160,7 +161,7 @@ def _glass(parameters: Parameters, alpha: float, thin: bool) -> Dielectric:
         parameters.note("eta", message)
     if not eta > 0:
         raise parameters.fail("eta", f"eta must be positive, not {eta:g}")
-    return Dielectric(eta, alpha, thin)
+    return Dielectric(eta, alpha, thin, alpha_v)
 
 
 def resolve_material(use: MaterialUse, builder: Builder) -> Material:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.description.materials import Conductor, Dielectric, Material
+from scenes.description.materials import Conductor, Dielectric, Material, Microfacets
 from scenes.description.shapes import Array, Emission
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import PenumbraError
@@ -44,14 +44,9 @@ class Surfaces:
         """The textures that are new, and `Material`."""
         if isinstance(material, Conductor):
             optical = f'"rgb eta" [ {numbers(material.eta)} ] "rgb k" [ {numbers(material.k)} ]'
-            return [
-                (
-                    f'Material "conductor" {optical} "float roughness" [ {material.alpha!r} ] "bool '
-                    'remaproughness" [ false ]'
-                )
-            ]
+            return [f'Material "conductor" {optical} {_roughness(material)}']
         if isinstance(material, Dielectric):
-            rough = f' "float roughness" [ {material.alpha!r} ] "bool remaproughness" [ false ]'
+            rough = f" {_roughness(material)}"
             kind = "thindielectric" if material.thin else "dielectric"
             return [f'Material "{kind}" "float eta" [ {material.eta!r} ]{"" if material.thin else rough}']
         lines: list[str] = []
@@ -114,6 +109,12 @@ class Surfaces:
 
     def _parts(self, named: dict[str, tuple[str, Texture]], lines: list[str]) -> str:
         return " ".join(self._part(type_, name, texture, lines) for name, (type_, texture) in named.items())
+
+
+def _roughness(material: Microfacets) -> str:
+    one = f'"float roughness" [ {material.alpha!r} ]'
+    two = f'"float uroughness" [ {material.alpha!r} ] "float vroughness" [ {material.alpha_v!r} ]'
+    return f'{one if material.alpha_v is None else two} "bool remaproughness" [ false ]'
 
 
 def _folded(product: Product, type_: str) -> tuple[ImageTexture, Array] | None:

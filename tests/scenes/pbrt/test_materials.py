@@ -55,6 +55,23 @@ def test_roughness_of_a_conductor(parameters: str, alpha: float) -> None:
     assert conductor(parameters).alpha == pytest.approx(alpha, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "alpha", "alpha_v"),
+    [
+        ('"float uroughness" 0.04 "float vroughness" 0.09', 0.2, 0.3),
+        ('"float roughness" 0.04 "float vroughness" 0.09', 0.2, 0.3),
+        ('"float uroughness" 0.3 "bool remaproughness" false', 0.3, 1e-4),  # the other is 0, and held up
+        ('"float uroughness" 9e-4 "float vroughness" 5e-4 "bool remaproughness" false', 0.0, None),
+    ],
+)
+def test_roughness_may_differ_along_and_across(parameters: str, alpha: float, alpha_v: float | None) -> None:
+    glass = material_of(f'Material "dielectric" {parameters}')
+    assert isinstance(glass, Dielectric)
+    for found in (conductor(parameters), glass):
+        assert found.alpha == pytest.approx(alpha, rel=1e-15)
+        assert found.alpha_v == (alpha_v and pytest.approx(alpha_v, rel=1e-15))
+
+
 def test_copper_is_the_default() -> None:
     found, named = (
         conductor('"float roughness" 1'),
@@ -98,8 +115,6 @@ def test_named_conductors() -> None:
         ('Material "dielectric" "float eta" 0', 23, ("eta must be positive",)),
         ('Material "dielectric" "spectrum eta" "glass-XY7"', 23, ('"glass-BK7"', '"glass-SF11"')),
         ('Material "conductor" "float roughness" -1', 22, ("roughness must not be negative",)),
-        ('Material "conductor" "float uroughness" .1 "float vroughness" .2', 22, ("only isotropic",)),
-        ('Material "conductor" "float uroughness" .1', 22, ("only isotropic",)),
         ('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 2 ]', 42, ("at most 1",)),
         (('Material "conductor" "float roughness" 1 "rgb reflectance" [ 1 1 1 ] "rgb k" '
 '[ 1 1 1 ]'), 42, ("not both",)),

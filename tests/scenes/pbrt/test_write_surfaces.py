@@ -103,11 +103,13 @@ class Rich(Random):
     def material(self) -> Material:
         if self.flag():
             return Diffuse(self.texture())
-        return Conductor(self.rng.random(3) + 0.01, self.rng.random(3), float(self.rng.uniform(1e-3, 2)))
+        across = float(self.rng.uniform(1e-3, 2)) if self.flag() else None
+        alpha = float(self.rng.uniform(1e-3, 2))
+        return Conductor(self.rng.random(3) + 0.01, self.rng.random(3), alpha, across)
 
     def shape(self) -> ShapeDescription:
         material = self.material()
-        textured = isinstance(material, Diffuse)
+        textured = material.needs_uv
         frame = self.frame()
         match self.rng.integers(4):
             case 0:
