@@ -42,19 +42,21 @@ def load(
     parameters: Values | None = None,
     allow_outside: bool | None = None,
     strict: bool = False,
+    substitute: bool = False,
 ) -> SceneDescription:
     """Read a scene by library name or by path of a .pbrt file.
 
     parameters: values of the template's `$name`s, finite numbers. allow_outside: whether files that the scene
     names may lie outside its own folder; None: if ALLOW_OUTSIDE is set in the environment, which the
     processes of a run inherit. strict: whether a scene is refused whose image would not be the one that pbrt
-    makes. PenumbraError where there is no such scene or parameter, SceneError with file,
-    line and column where the text is wrong.
+    makes. substitute: whether what is not simulated is rendered as the nearest that is, where there is one;
+    `substitutions` of the scene lists each. PenumbraError where there is no such scene or parameter,
+    SceneError with file, line and column where the text is wrong.
     """
     path = find(name_or_path)
     allow_outside = bool(os.environ.get(ALLOW_OUTSIDE)) if allow_outside is None else allow_outside
     name = name_or_path if path.parent == LIBRARY else None
-    return parse_file(path, parameters, name, allow_outside, strict)
+    return parse_file(path, parameters, name, allow_outside, strict, substitute)
 
 
 def find(name_or_path: str) -> Path:

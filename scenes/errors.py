@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 KINDS = 50  # how many kinds of refusal one message lists; a terminal holds about as many
@@ -51,11 +51,14 @@ class Unsupported(SceneError):
 class Report:
     """What of a scene is not simulated, each kind with its places.
 
-    strict: whether a place that a note would do for is refused as well.
+    strict: whether a place that a note would do for is refused as well. substitute: whether what has a
+    nearest is rendered as that.
     """
 
-    def __init__(self, strict: bool = False) -> None:
+    def __init__(self, strict: bool = False, substitute: bool = False) -> None:
         self._strict = strict
+        self._substitute = substitute
+        self._substitutions: dict[str, dict[Location, None]] = {}
         self._refusals: dict[str, dict[Location, None]] = {}
         self._notes: dict[str, dict[Location, None]] = {}
 
@@ -68,9 +71,18 @@ class Report:
 
     def notes(self) -> tuple[str, ...]:
         """One line for each kind of note, with its first place and how many more there are."""
-        return tuple(
-            f"{message} ({next(iter(places))}{_others(places)})" for message, places in self._notes.items()
-        )
+        return _placed(self._notes)
+
+    def substitute(self, what: str, nearest: str, where: Location) -> None:
+        """Refuse a place unless it may be rendered as the nearest that is simulated."""
+        if self._substitute:
+            self._substitutions.setdefault(_one_line(f"{what}: rendered {nearest}"), {})[where] = None
+        else:
+            self.add(f"{what} is not supported; substitute=True renders it {nearest}", where)
+
+    def substitutions(self) -> tuple[str, ...]:
+        """One line for each kind of substitution, as for notes."""
+        return _placed(self._substitutions)
 
     def add(self, message: str, where: Location) -> None:
         """Note a place that asks for what is not simulated; the same place counts once for a message."""
@@ -105,6 +117,10 @@ class Report:
         lines = [f"{next(iter(places))}: {message}{_others(places)}" for message, places in listed[:KINDS]]
         more = len(listed) - KINDS
         return [*lines, f"and {more} more kinds of what is not supported"] if more > 0 else lines
+
+
+def _placed(kinds: Mapping[str, dict[Location, None]]) -> tuple[str, ...]:
+    return tuple(f"{message} ({next(iter(places))}{_others(places)})" for message, places in kinds.items())
 
 
 def _others(places: dict[Location, None]) -> str:

@@ -69,7 +69,7 @@ def export(
         sys.stdout.write(text)
     else:
         _write(output, text, images, meshes)
-    for note in (*loaded.notes, *notes):
+    for note in (*loaded.notes, *loaded.substitutions, *notes):
         sys.stderr.write(f"penumbra: {note}\n")
 
 

@@ -21,6 +21,6 @@ def open_scene(name: str, define: Sequence[str] | None, console: Console) -> Sce
     from scenes import load
 
     scene = load(name, definitions(define))
-    for note in scene.notes:
+    for note in (*scene.notes, *scene.substitutions):
         console.note(f"{name}: {note}")
     return scene

@@ -35,6 +35,7 @@ from pipeline.references.protocol import (
     ReferenceImage,
     ReferenceRequest,
     refusal,
+    substituted,
 )
 from pipeline.references.unfinished import Unfinished, from_npz, to_npz
 from pipeline.schema.record import ReferenceInfo
@@ -87,6 +88,8 @@ def reference_for(
     An interruption leaves the batches that were finished to the next call.
     """
     backend = BACKENDS[backend_name]
+    if reason := substituted(scene):  # the stored one of the same content is of another file
+        raise PenumbraError(f"scene {scene.name}: no {backend.name} reference: {reason}")
     key = key_for(scene.content_hash(), backend_name, backend.version(), request)
     try:
         stored = _read(root / key, key, backend_name)  # without a lock: `root` may be there to be read only

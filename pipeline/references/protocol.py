@@ -102,8 +102,15 @@ def unlit(scene: SceneDescription) -> str | None:
 
 def require(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> None:
     """PenumbraError where the backend refuses the scene."""
-    if reason := backend.refuses(scene, quantity):
+    if reason := substituted(scene) or backend.refuses(scene, quantity):
         raise PenumbraError(f"scene {scene.name}: {reason}")
+
+
+def substituted(scene: SceneDescription) -> str | None:
+    """The reason to make no reference of a scene that is not simulated as its file says, or None."""
+    if not scene.substitutions:
+        return None
+    return f"a reference is of the file, and this is not: {'; '.join(scene.substitutions)}"
 
 
 def supporting_backends(scene: SceneDescription, quantity: Quantity, without: str = "") -> list[str]:
@@ -117,6 +124,8 @@ def supporting_backends(scene: SceneDescription, quantity: Quantity, without: st
 
 def refusal(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> str | None:
     """The reason why the backend refuses the scene and the names of others that do not, or None."""
+    if reason := substituted(scene):
+        return reason
     reason = backend.refuses(scene, quantity)
     if reason is None:
         return None

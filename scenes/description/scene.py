@@ -86,7 +86,8 @@ class SceneDescription:
     """A whole scene. `parameters` are the values of a template's `$name`s; they are no part of the content.
 
     lights: those that are no shapes. occlusion_distance: how far ambient occlusion looks, in world units.
-    notes: sentences on where the picture is not the one that pbrt makes of the same file.
+    notes: sentences on where the picture is not the one that pbrt makes of the same file. substitutions:
+    sentences on what is rendered as something else, by request; no reference is made of such a scene.
     """
 
     name: str = field(metadata={"content": False})
@@ -98,6 +99,7 @@ class SceneDescription:
     defaults: RenderDefaults = field(default=RenderDefaults(), metadata={"content": False})
     parameters: tuple[tuple[str, float], ...] = field(default=(), metadata={"content": False})
     notes: tuple[str, ...] = field(default=(), metadata={"content": False})
+    substitutions: tuple[str, ...] = field(default=(), metadata={"content": False})
 
     def content_hash(self) -> str:
         """SHA-256 over all that an image depends on: every number of geometry, materials, emission, camera

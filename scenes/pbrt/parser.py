@@ -20,12 +20,13 @@ import numpy as np
 
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Emission, Geometry, ShapeDescription
-from scenes.errors import SceneError
+from scenes.errors import PenumbraError, Report, SceneError
 from scenes.files import Files
 from scenes.pbrt.directives.emission import apply_area_light
 from scenes.pbrt.directives.environment import sum_environments
 from scenes.pbrt.directives.integrator import check_delta
 from scenes.pbrt.directives.materials import resolve_material
+from scenes.pbrt.directives.media import check_media, surfaces
 from scenes.pbrt.instances import expand_instances
 from scenes.pbrt.reader import Reader
 from scenes.pbrt.state import Builder, PlacedShape
@@ -43,14 +44,16 @@ def parse_file(
     name: str | None = None,
     allow_outside: bool = False,
     strict: bool = False,
+    substitute: bool = False,
 ) -> SceneDescription:
     """Read a .pbrt file; SceneError or PenumbraError for whatever is wrong with it.
 
     parameters: values for the template's `$name`s. name: of the scene, by default the file's without
     extension. allow_outside: whether files that the scene names may lie outside its own folder. strict:
-    whether a scene is refused whose image would not be the one that pbrt makes.
+    whether a scene is refused whose image would not be the one that pbrt makes. substitute: whether what is
+    not simulated is rendered as the nearest that is, where there is one.
     """
-    return parse_source(read_source(path), parameters, name or path.stem, allow_outside, strict)
+    return parse_source(read_source(path), parameters, name or path.stem, allow_outside, strict, substitute)
 
 
 def parse(
@@ -59,19 +62,29 @@ def parse(
     file: str = "<text>",
     allow_outside: bool = False,
     strict: bool = False,
+    substitute: bool = False,
 ) -> SceneDescription:
     """Parse scene text; the files that it names are relative to the working directory."""
     source = Source(file, decode(text, file) if isinstance(text, bytes) else text)
-    return parse_source(source, parameters, Path(file).stem, allow_outside, strict)
+    return parse_source(source, parameters, Path(file).stem, allow_outside, strict, substitute)
 
 
 def parse_source(
-    source: Source, parameters: Values | None, name: str, allow_outside: bool = False, strict: bool = False
+    source: Source,
+    parameters: Values | None,
+    name: str,
+    allow_outside: bool = False,
+    strict: bool = False,
+    substitute: bool = False,
 ) -> SceneDescription:
     """Parse a text that has been read."""
+    if strict and substitute:
+        raise PenumbraError("strict and substitute: a scene is either refused or rendered as the nearest")
     header = read_header(source)
     bindings = Bindings(header, parameters or {})
-    reader = Reader(source, header, bindings, Files(source.folder or Path(), allow_outside), strict)
+    reader = Reader(
+        source, header, bindings, Files(source.folder or Path(), allow_outside), Report(strict, substitute)
+    )
     try:
         reader.run()
         with np.errstate(all="ignore"):
@@ -87,10 +100,12 @@ def parse_source(
 def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float], ...]) -> SceneDescription:
     """What was read as a description; SceneError listing all that it asks for and is not supported."""
     report = builder.report
+    check_media(builder)
     ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures
     lights = sum_environments(builder.lights, report)
     check_delta(builder)
-    placed = [*builder.shapes, *expand_instances(builder.uses, builder.objects, report)]
+    objects = {name: surfaces(builder, shapes) for name, shapes in builder.objects.items()}
+    placed = [*surfaces(builder, builder.shapes), *expand_instances(builder.uses, objects, report)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
     if ratio != 1:
@@ -105,7 +120,8 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
         builder.occlusion_distance,
         builder.defaults,
         parameters,
-        (*(() if builder.has_integrator else (NO_INTEGRATOR,)), *report.notes()),
+        (*(() if builder.integrator else (NO_INTEGRATOR,)), *report.notes()),
+        report.substitutions(),
     )
 
 

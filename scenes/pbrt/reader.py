@@ -13,10 +13,11 @@ from scenes.files import Files
 from scenes.pbrt.blocks import Blocks
 from scenes.pbrt.directives.camera import framed
 from scenes.pbrt.directives.integrator import option
+from scenes.pbrt.directives.media import report_media
 from scenes.pbrt.directives.shapes import mesh_run
 from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
 from scenes.pbrt.directives.textures import declare, texture
-from scenes.pbrt.state import Builder, NamedMaterial, check_room
+from scenes.pbrt.state import Builder, MediumInterface, NamedMaterial, check_room
 from scenes.pbrt.text.lexer import Source, Token
 from scenes.pbrt.text.parameters import OTHER_SPACES, SPACES, Parameters
 from scenes.pbrt.text.stream import TokenStream
@@ -32,9 +33,9 @@ class Reader:
     """
 
     def __init__(
-        self, source: Source, header: Header, bindings: Bindings, files: Files, strict: bool = False
+        self, source: Source, header: Header, bindings: Bindings, files: Files, report: Report
     ) -> None:
-        self.builder = Builder(report=Report(strict))
+        self.builder = Builder(report=report)
         self._problem: SceneError | None = (
             None  # the first one of values; reading goes on for what else is not supported
         )
@@ -77,6 +78,7 @@ class Reader:
         finally:  # also of a text that breaks off, so that what is not supported is known
             for make in (*self._late["float"], *self._late["spectrum"]):
                 make()
+            report_media(self.builder)
         if self._problem is not None:
             raise self._problem
         self._blocks.check_closed()
@@ -126,7 +128,8 @@ class Reader:
             self._need_world(token)
         handler, target = WORLD[token.text] if token.text in WORLD else ANYWHERE[token.text]
         plain = token.text == "Shape" and self.builder.state.light is None
-        if plain and not self.builder.state.attributes.get(target):
+        state = self.builder.state
+        if plain and state.media is None and not state.attributes.get(target):
             run = self._tokens.meshes()
             if run is not None:
                 mesh_run(self.builder, run, token.where)
@@ -235,13 +238,12 @@ class Reader:
         option(self.builder, name, value, token.where)
 
     def _medium_interface(self, token: Token) -> None:
-        names = [self._syntax.string(token)]
+        inside = outside = self._syntax.string(token)
         following = self._tokens.peek()
         if following is not None and following.kind == "string":
-            names.append(self._syntax.string(token))
-        if any(names):
-            shown = " ".join(f'"{name}"' for name in names)
-            raise Unsupported(f"MediumInterface {shown} is not supported: space is empty", token.where)
+            outside = self._syntax.string(token)
+        media = MediumInterface(inside, outside, token.where) if inside or outside else None
+        self.builder.state = replace(self.builder.state, media=media)
 
     def _active_transform(self, token: Token) -> None:
         which = self._syntax.word(token, "All, StartTime or EndTime")

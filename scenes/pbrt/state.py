@@ -50,7 +50,21 @@ class TexturedDiffuse:
     where: Location
 
 
-MaterialUse = Material | TexturedDiffuse | NamedMaterial
+@dataclass(frozen=True)
+class Interface:
+    """A material of no surface: light passes straight through, as pbrt's null material."""
+
+
+@dataclass(frozen=True)
+class MediumInterface:
+    """The media on both sides of a surface by their names, "" for empty space."""
+
+    inside: str
+    outside: str
+    where: Location
+
+
+MaterialUse = Interface | Material | TexturedDiffuse | NamedMaterial
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +81,14 @@ class AreaLight:
 @dataclass(frozen=True, eq=False)
 class GraphicsState:
     """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its
-    target. space: of `rgb`.
+    target. space: of `rgb`. media: None for empty space.
     """
 
     transform: Transform = field(default_factory=identity)
     reverse: bool = False
     material: MaterialUse = field(default_factory=lambda: Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
     light: AreaLight | None = None
+    media: MediumInterface | None = None
     space: str = SRGB
     attributes: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict[str, tuple[Parameter, ...]])
 
@@ -117,6 +132,9 @@ class Builder:
     """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name.
     texels: of all images.
 
+    integrator: its kind and its place. media: where each is made. media_used: by the camera and the shapes,
+    with the object that each shape is part of. interfaces: how many shapes light passes through.
+
     without_lights: where `Integrator` says that lights are not to be sampled. full_size: of the film before
     its crop, x0, x1, y0, y1 in pixels. exposure: seconds that the shutter is open.
     """
@@ -134,7 +152,12 @@ class Builder:
     defaults: RenderDefaults = field(default_factory=RenderDefaults)
     occlusion_distance: float = np.inf
     without_lights: Location | None = None
-    has_integrator: bool = False
+    integrator: tuple[str, Location] | None = None
+    media: dict[str, Location] = field(default_factory=dict[str, Location])
+    media_used: list[tuple[MediumInterface, str | None]] = field(
+        default_factory=list[tuple[MediumInterface, str | None]]
+    )
+    interfaces: int = 0
     materials: dict[str, MaterialUse] = field(default_factory=dict[str, MaterialUse])
     textures: dict[tuple[str, str], NamedTexture] = field(default_factory=dict[tuple[str, str], NamedTexture])
     texture_names: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])

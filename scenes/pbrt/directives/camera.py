@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Camera "perspective"`: a pinhole under any invertible transformation."""
     builder.systems["camera"] = builder.state.transform.inverted()
+    if builder.state.media is not None:
+        builder.media_used.append((replace(builder.state.media, inside=""), None))
     builder.camera = PerspectiveCamera(np.eye(4), 90.0)  # holds while the rest of a refused scene is read
     refuse_kind(kind, "perspective", parameters)
     fov = parameters.number("fov", 90.0)

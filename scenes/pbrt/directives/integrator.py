@@ -81,7 +81,7 @@ def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
 
     Direct light and visible emission are pbrt's path tracers at depth 1.
     """
-    builder.has_integrator = True
+    builder.integrator = kind, parameters.where
     if kind == "ambientocclusion":
         _ambient_occlusion(builder, parameters)
         return

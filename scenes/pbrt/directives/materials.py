@@ -15,6 +15,7 @@ from scenes.pbrt.spectra import colour, colour_of, samples, spectrum_name
 from scenes.pbrt.state import (
     DEFAULT_REFLECTANCE,
     Builder,
+    Interface,
     MaterialUse,
     NamedMaterial,
     TexturedDiffuse,
@@ -52,6 +53,7 @@ def make_named_material(builder: Builder, name: str, parameters: Parameters) -> 
 
 
 def _made(kind: str, parameters: Parameters) -> MaterialUse:
+    kind = "interface" if kind in ("", "none") else kind
     refuse_kind(kind, " ".join(_KINDS), parameters)
     return _KINDS[kind](parameters)
 
@@ -164,12 +166,19 @@ def _glass(parameters: Parameters, alpha: float, alpha_v: float | None, thin: bo
     return Dielectric(eta, alpha, thin, alpha_v)
 
 
+def _interface(parameters: Parameters) -> Interface:
+    parameters.ignore()  # as pbrt does
+    return Interface()
+
+
 def resolve_material(use: MaterialUse, builder: Builder) -> Material:
     """The material that a use stands for, its names looked up; SceneError where there is no such name."""
     if isinstance(use, NamedMaterial):
         use = _named(use.name, use.where, builder.materials)
     if isinstance(use, NamedMaterial):
         raise SceneError(f"material {use.name!r} stands for another name", use.where)
+    if isinstance(use, Interface):
+        raise TypeError("a shape that light passes through has no material: leave it out first")
     if isinstance(use, TexturedDiffuse):
         found = named_texture(builder, "spectrum", use.texture, use.where).value
         if found is None:
@@ -191,4 +200,5 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "conductor": _conductor,
     "dielectric": _dielectric,
     "thindielectric": _thin_dielectric,
+    "interface": _interface,
 }

@@ -17,6 +17,7 @@ import numpy as np
 
 from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis
 from scenes.errors import Location, SceneError, Unsupported
+from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
 from scenes.pbrt.state import Builder, PlacedShape, check_room
@@ -32,6 +33,12 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
     """
     state = builder.state
     parameters.owner = kind
+    if state.media is not None:
+        builder.media_used.append((state.media, builder.current_object))
+    if is_interface(builder, state.material):
+        parameters.ignore()
+        leave_out(builder, state.light, parameters.where)
+        return
     light = state.light
     if light is not None and builder.current_object is not None:
         builder.report.add(

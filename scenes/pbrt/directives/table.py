@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from scenes.errors import Unsupported
 from scenes.pbrt.directives.camera import camera, film, pixel_filter
 from scenes.pbrt.directives.integrator import accelerator, integrator, sampler
 from scenes.pbrt.directives.lights import area_light, light_source
 from scenes.pbrt.directives.materials import make_named_material, material
+from scenes.pbrt.directives.media import named_medium
 from scenes.pbrt.directives.shapes import shape
-from scenes.pbrt.state import Builder, Handler
-from scenes.pbrt.text.parameters import Parameters
+from scenes.pbrt.state import Handler
 
 ATTRIBUTE_TARGETS = ("shape", "light", "material", "medium", "texture")
-
-
-def named_medium(_: Builder, name: str, parameters: Parameters) -> None:
-    """`MakeNamedMedium`: no medium is simulated."""
-    parameters.ignore()
-    raise Unsupported(f'MakeNamedMedium "{name}" is not supported: space is empty', parameters.where)
 
 
 OPTIONS: dict[str, Handler] = {

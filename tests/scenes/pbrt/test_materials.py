@@ -124,8 +124,6 @@ def test_named_conductors() -> None:
         ('Material "diffuse" "texture displacement" "t"', 20, ('"texture displacement"', "not supported")),
         ('Material "diffuse" "string normalmap" "t.png"', 20, ('"string normalmap"',)),
         ('Material "diffuse" "spectrum reflectance" "stdillum-D65"', 20, ("spectrum of a light",)),
-        ('Material "interface"', 1, ('"interface"', '"conductor"')),
-        ('Material ""', 1, ('Material "" is not supported',)),
         ('MakeNamedMaterial "m" "string type" "coateddiffuse"', 1, ('"coateddiffuse"',)),
         (('MakeNamedMaterial "m" "string type" "diffuse" MakeNamedMaterial "m" "string type" '
 '"diffuse"'), 47, ("made twice",)),

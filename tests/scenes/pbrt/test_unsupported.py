@@ -19,7 +19,7 @@ Camera "perspective" "float lensradius" 0.1 "float frameaspectratio" 2
 Film "rgb" "float iso" 200 "string sensor" "canon_eos_5d_mkiv"
 PixelFilter "mitchell"
 Integrator "volpath" "integer maxdepth" 0
-Accelerator "kdtree" "integer maxprims" 4
+MakeNamedMedium "fog" "string type" "homogeneous"
 WorldBegin
 LightSource "projection" "string filename" "gone.png"
 MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5

@@ -1,0 +1,92 @@
+"""Participating media and the surfaces between them: `MakeNamedMedium`, `MediumInterface`, `"interface"`.
+
+No medium is simulated. pbrt's integrators for surfaces see none either, so that only a volumetric one makes a
+medium count, and only where a ray can enter it: from a camera inside, or at a surface between two media.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from scenes.errors import Location, SceneError
+from scenes.pbrt.state import (
+    AreaLight,
+    Builder,
+    Interface,
+    MaterialUse,
+    NamedMaterial,
+    PlacedShape,
+    check_room,
+)
+from scenes.pbrt.text.parameters import Parameters
+
+VOLUMETRIC = ("volpath", "simplevolpath", "bdpt", "mlt")
+MEDIA = ("homogeneous", "uniformgrid", "rgbgrid", "cloud", "nanovdb")
+LIGHTLESS = 'a shape of material "interface" is no area light: its light is left out, as in pbrt'
+BLOCKING = (
+    'in pbrt this integrator lets material "interface" block point, spot and distant lights and occlusion; '
+    "light passes here, as volpath has it"
+)
+
+
+def named_medium(builder: Builder, name: str, parameters: Parameters) -> None:
+    """`MakeNamedMedium`: it counts where something uses it."""
+    if name in builder.media:
+        raise SceneError(f'medium "{name}" is made twice', parameters.where)
+    check_room(builder.media, "media", parameters.where)
+    builder.media[name] = parameters.where
+    kind = parameters.text("type", "")
+    parameters.ignore()
+    if kind not in MEDIA:
+        allowed = ", ".join(f'"{one}"' for one in MEDIA)
+        raise parameters.fail("type", f'MakeNamedMedium "{name}" needs "string type", one of {allowed}')
+
+
+def is_interface(builder: Builder, use: MaterialUse) -> bool:
+    """Whether light passes through a surface of this material, as far as its name is known by now."""
+    return isinstance(builder.materials.get(use.name) if isinstance(use, NamedMaterial) else use, Interface)
+
+
+def leave_out(builder: Builder, light: AreaLight | None, where: Location) -> None:
+    """Leave out a shape that light passes through, and its own light with it, as pbrt does."""
+    builder.interfaces += 1
+    if light is not None:
+        builder.report.note(LIGHTLESS, where)
+
+
+def surfaces(builder: Builder, shapes: Iterable[PlacedShape]) -> list[PlacedShape]:
+    """The shapes that light does not pass through."""
+    kept: list[PlacedShape] = []
+    for shape in shapes:
+        if is_interface(builder, shape.material):
+            leave_out(builder, shape.light, shape.where)
+        else:
+            kept.append(shape)
+    return kept
+
+
+def check_media(builder: Builder) -> None:
+    """SceneError for a medium that is used and not made."""
+    for media, _ in builder.media_used:
+        for name in filter(None, (media.inside, media.outside)):
+            if name not in builder.media:
+                there = ", ".join(builder.media) or "none"
+                raise SceneError(f"no medium is called {name!r}; there are: {there}", media.where)
+
+
+def report_media(builder: Builder) -> None:
+    """Report each medium that would change the image, and interfaces that pbrt would let block light."""
+    kind, place = builder.integrator or ("volpath", None)
+    instanced = {None, *(use.name for use in builder.uses)}
+    for media, owner in builder.media_used:
+        if media.inside == media.outside or owner not in instanced:  # no ray enters it there
+            continue
+        for name in filter(None, (media.inside, media.outside)):
+            if kind in VOLUMETRIC:
+                builder.report.substitute(f'medium "{name}"', "as empty space", media.where)
+            else:
+                ignored = f'medium "{name}" is left out, as pbrt leaves it out with Integrator "{kind}"'
+                builder.report.note(ignored, media.where)
+    blockable = kind == "ambientocclusion" or any(not light.surrounds for light in builder.lights)
+    if builder.interfaces and kind not in VOLUMETRIC and place is not None and blockable:
+        builder.report.note(BLOCKING, place)
