@@ -130,11 +130,12 @@ def build(scene: SceneDescription) -> RenderScene:
     lights = _lights(sources, triangles, analytic)
     glowing = lights.of_triangle >= 0
     materials, bounds = _materials(shapes), tuple(s.geometry.bounds() for s in shapes)
-    size, scene_diameter = _size(bounds, scene)
+    camera = make_camera(scene.camera, scene.film)
+    size, scene_diameter = _size(bounds, camera.eyes)
     black = np.zeros(3)
     return RenderScene(
         description=scene,
-        camera=make_camera(scene.camera, scene.film),
+        camera=camera,
         triangles=triangles,
         analytic=analytic,
         sources=sources,
@@ -158,14 +159,13 @@ def build(scene: SceneDescription) -> RenderScene:
     )
 
 
-def _size(bounds: Sequence[Bounds], scene: SceneDescription) -> tuple[float, float]:
-    """The largest coordinate of the scene and its camera, which the rounding of points scales with; and a
-    length from any
-    point of the scene to beyond all of it."""
+def _size(bounds: Sequence[Bounds], eyes: Floats) -> tuple[float, float]:
+    """The largest coordinate of the scene and of eyes (3, m), which the rounding of points scales with; and
+    a length from any point of the scene to beyond all of it.
+    """
     axes = np.eye(3)
-    eye = scene.camera.camera_to_world[:3, 3]
-    low = np.min([eye, *(b.extent(axes)[0] for b in bounds)], axis=0)
-    high = np.max([eye, *(b.extent(axes)[1] for b in bounds)], axis=0)
+    low = np.min([*eyes.T, *(b.extent(axes)[0] for b in bounds)], axis=0)
+    high = np.max([*eyes.T, *(b.extent(axes)[1] for b in bounds)], axis=0)
     return float(np.abs([low, high]).max()), 2 * float(np.linalg.norm(high - low))
 
 

@@ -1,24 +1,30 @@
-"""The perspective camera, pbrt's: left-handed space, `fov` over the shorter side, pixel (0, 0) at the top
-left.
+"""Projective cameras, pbrt's: left-handed space, pixel (0, 0) at the top left, a pinhole, a thin lens or
+parallel rays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.math.vectors import Floats, dot, normalize
+from renderer.math.vectors import Floats, normalize
+from renderer.math.warp import concentric_disk
 from renderer.pixel_filter import offsets
-from scenes.description.scene import Film, PerspectiveCamera
+from scenes.description.scene import Film, OrthographicCamera, PerspectiveCamera
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """origin: (3, 1). offsets: from u (2, n) to places (2, n) about a pixel, see `pixel_filter`. corner, du,
-    dv: (3, 1), so that a film point (x, y) in pixels is looked at along corner + x du + y dv.
+    """The film point (x, y), in pixels, lies at origin + p with p = corner + x du + y dv.
+
+    origin, corner, du, dv: (3, 1). offsets: from u (2, n) to places (2, n) about a pixel, see `pixel_filter`.
+    forward: (3, 1), along which parallel rays leave the film; None where rays go from the origin through it.
+    lens: (3, 2), two radii of the lens, across and up; None without one. focus: how far the sharp plane is,
+    in distances of the film from the pinhole, or in lengths of `forward`.
     """
 
     origin: Floats
@@ -28,51 +34,132 @@ class Camera:
     width: int
     height: int
     offsets: Callable[[Floats], Floats]
+    forward: Floats | None = None
+    lens: Floats | None = None
+    focus: float = 1.0
 
-    def rays(self, pixel: NDArray[np.int64], u: Floats) -> Floats:
-        """Unit directions (3, n) through points of pixels, as the pixel filter has them.
+    @property
+    def dimensions(self) -> int:
+        """How many random numbers a ray takes: two on the film, two more on a lens."""
+        return 2 if self.lens is None else 4
 
-        pixel: (n,) row-major indices. u: (2, n) in [0, 1).
+    def rays(self, pixel: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats]:
+        """Origins (3, n), or (3, 1) where all are the same, and unit directions (3, n), through points of
+        pixels as the pixel filter has them.
+
+        pixel: (n,) row-major indices. u: (dimensions, n) in [0, 1).
         """
-        dx, dy = self.offsets(u)
+        dx, dy = self.offsets(u[:2])
         x = pixel % self.width + dx
         y = pixel // self.width + dy
-        d = self.du * x
-        d += self.dv * y
-        d += self.corner
-        return normalize(d)
+        if self.lens is None:
+            return self.through(x, y)
+        start = self.lens @ concentric_disk(u[2:])
+        return self.origin + start, normalize(self._ahead(x, y, self.focus) - start)
+
+    def through(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """As `rays`, through film points in pixels (n,) and without the lens."""
+        p = self._film(x, y)
+        if self.forward is None:
+            return self.origin, normalize(p)
+        return self.origin + p, normalize(np.repeat(self.forward, p.shape[1], axis=1))
+
+    def screen(self, x: Floats, y: Floats, distance: float) -> Floats:
+        """Where those rays meet the plane across the view at a distance, in units of `focus`: (3, n)."""
+        return self.origin + self._ahead(x, y, distance)
+
+    def _film(self, x: Floats, y: Floats) -> Floats:
+        p = self.du * x
+        p += self.dv * y
+        p += self.corner
+        return p
+
+    def _ahead(self, x: Floats, y: Floats, distance: float) -> Floats:
+        p = self._film(x, y)
+        return p * distance if self.forward is None else p + self.forward * distance
+
+    @cached_property
+    def _edges(self) -> tuple[Floats, Floats]:
+        """The corners of the film in pixels, x and y (4,) in turn about it, with the filter's reach."""
+        low, high = self.offsets(np.zeros((2, 1)))[:, 0], self.offsets(np.ones((2, 1)))[:, 0]
+        right, bottom = self.width - 1 + high[0], self.height - 1 + high[1]
+        return np.array([low[0], right, right, low[0]]), np.array([low[1], low[1], bottom, bottom])
+
+    @cached_property
+    def eyes(self) -> Floats:
+        """Points (3, m) whose convex hull holds the origins of all rays."""
+        if self.lens is not None:
+            return self.origin + self.lens @ np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
+        return self.origin if self.forward is None else self.origin + self._film(*self._edges)
+
+    @cached_property
+    def _sides(self) -> tuple[Floats, Floats]:
+        """Planes about the view: inward normals n (5, m, 3) and limits c (5, m), so that what a ray from eye
+        m meets has n . (p - origin) >= c; four sides, and the plane of the film or the lens.
+
+        A volume of four points is affine in each, so that the corners of a lens speak for all of it.
+        """
+        ahead = np.cross(self.dv[:, 0], self.du[:, 0])
+        parallel = self.forward is not None and self.lens is None
+        at = self._ahead(*self._edges, 0.0 if parallel else self.focus).T  # (4, 3)
+        eyes = (self.eyes - self.origin).T
+        eyes = at if parallel else eyes
+        after, middle = np.roll(at, -1, axis=0), at.mean(axis=0)
+        if self.forward is not None and parallel:
+            base = np.repeat(at[:, None], len(eyes), axis=1)
+            normal = np.cross(after - at, self.forward[:, 0])[:, None].repeat(len(eyes), axis=1)
+        else:
+            base = np.repeat(eyes[None], 4, axis=0)
+            normal = np.cross(at[:, None] - base, after[:, None] - base)
+        inside = np.einsum("sek,sek->se", normal, middle - base) > 0
+        normal = np.where(inside[..., None], normal, -normal)
+        front = self._ahead(*self._edges, 1.0).mean(axis=1) - self._ahead(*self._edges, 0.0).mean(axis=1)
+        ahead = ahead if ahead @ front > 0 else -ahead
+        normal = np.concatenate([normal, np.broadcast_to(ahead, (1, len(eyes), 3))])
+        base = np.concatenate([base, eyes[None]])
+        return normal, np.einsum("sek,sek->se", normal, base)
 
     def sees(self, points: Floats) -> bool:
         """Whether a convex hull of points (3, m) may be in view: False only if it lies wholly outside one
-        side of the frustum.
+        side of it.
         """
-        v = points - self.origin
-        low, high = self.offsets(np.zeros((2, 1))), self.offsets(np.ones((2, 1)))
-        left, top = float(low[0, 0]), float(low[1, 0])
-        right, bottom = self.width - 1 + float(high[0, 0]), self.height - 1 + float(high[1, 0])
-        a, b = (self.corner + self.du * x + self.dv * top for x in (left, right))
-        d, c = (self.corner + self.du * x + self.dv * bottom for x in (left, right))
-        forward = (a + c) / 2
-        sides = ((a, b), (b, c), (c, d), (d, a))
-        for first, second in sides:
-            inward = np.cross(first[:, 0], second[:, 0])[:, None]
-            inward = inward if dot(inward, forward)[0] > 0 else -inward
-            if np.all(dot(inward, v) < 0):
-                return False
-        return not bool(np.all(dot(forward, v) < 0))
+        normal, limit = self._sides
+        height = normal @ (points - self.origin)  # (5, eyes, m)
+        return not bool(np.all(height < limit[..., None], axis=(1, 2)).any())
 
 
-def make_camera(description: PerspectiveCamera, film: Film) -> Camera:
-    """The camera of a description, its film plane at distance 1."""
+@singledispatch
+def make_camera(description: PerspectiveCamera | OrthographicCamera, film: Film) -> Camera:
+    """The camera of a description; a perspective one has its film at distance 1."""
+    raise TypeError(f"no rays of a {type(description).__name__}")
+
+
+@make_camera.register
+def _(description: PerspectiveCamera, film: Film) -> Camera:
+    return _projective(description, film, description.camera_to_world[:3, 2:3], None)
+
+
+@make_camera.register
+def _(description: OrthographicCamera, film: Film) -> Camera:
+    return _projective(description, film, np.zeros((3, 1)), description.camera_to_world[:3, 2:3])
+
+
+def _projective(
+    description: PerspectiveCamera | OrthographicCamera, film: Film, middle: Floats, forward: Floats | None
+) -> Camera:
+    """middle: (3, 1), from the origin to the film."""
     left, top, dx, dy = description.film_plane(film)
-    m = description.camera_to_world
-    right, up, forward = (m[:3, i : i + 1] for i in range(3))
+    m, lens = description.camera_to_world, description.lens
+    right, up = m[:3, 0:1], m[:3, 1:2]
     return Camera(
         m[:3, 3:4].copy(),
-        forward + right * left + up * top,
+        middle + right * left + up * top,
         right * dx,
         -up * dy,
         film.width,
         film.height,
         offsets(film.pixel_filter),
+        forward,
+        None if lens is None else m[:3, :2] * lens.radius,
+        1.0 if lens is None else lens.distance,
     )

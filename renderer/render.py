@@ -216,18 +216,19 @@ def _samples(
     n), the number
     of points shaded, the rays traced."""
     scene, plan = work.scene, work.plan
-    d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, 2))
-    hit, emitted, rows = _first_hits(scene, plan, d)
+    first = scene.camera.dimensions
+    o, d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, first))
+    hit, emitted, rows = _first_hits(scene, plan, o, d)
     reflected = np.zeros_like(d)
     ratio = (np.zeros_like(d), np.zeros_like(d)) if work.ratio else ()
     if not rows.size:
         return emitted, reflected, ratio, 0, RayCounts(d.shape[1])
     count = work.estimator.dimensions(scene)
-    u = work.sampler.uniform(pixel[rows], sample[rows], 2, count)
+    u = work.sampler.uniform(pixel[rows], sample[rows], first, count)
     light = work.estimator.estimate(scene, plan, hit, u)
     if scene.specular and work.estimator.quantity == RADIANCE:
         light += specular_light(
-            scene, plan, hit, work.sampler.uniform(pixel[rows], sample[rows], 2 + count, 2)
+            scene, plan, hit, work.sampler.uniform(pixel[rows], sample[rows], first + count, 2)
         )
     reflected[:, rows] = light.radiance
     for out, part in zip(ratio, light.ratio or (), strict=True):
@@ -236,12 +237,11 @@ def _samples(
 
 
 def _first_hits(
-    scene: RenderScene, plan: RenderPlan, d: Floats
+    scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats
 ) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
-    """What camera rays d (3, n) meet: the points to shade, the emission seen (3, n), and the rows (m,) of
-    those points.
+    """What camera rays from o (3, n) or (3, 1) along d (3, n) meet: the points to shade, the emission seen
+    (3, n), and the rows (m,) of those points.
     """
-    o = scene.camera.origin
     none = np.full(d.shape[1], -1, dtype=np.int64)
     t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), none)
     near, primitive = scene.analytic.closest(plan.in_view, o, d)
@@ -253,22 +253,30 @@ def _first_hits(
     shape = none if scene.triangles is None else np.where(triangle >= 0, scene.triangles.shape[triangle], -1)
     if on_analytic.any():
         shape = np.where(on_analytic, scene.analytic.shape[primitive], shape)
-    emitted = _emission(scene, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
+    emitted = _emission(scene, o, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
     rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if scene.bounds else none[:0]
-    hit = _surface(scene, d.take(rows, axis=1), t[rows], shape[rows], triangle[rows], primitive[rows])
+    mine = d.take(rows, axis=1)
+    p = _from(o, rows) + mine * t[rows]
+    hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
     return hit, emitted, rows
+
+
+def _from(o: Floats, rows: NDArray[np.int64]) -> Floats:
+    """The origins of some rays, (3, m); or (3, 1), the one of all."""
+    return o if o.shape[1] == 1 else o.take(rows, axis=1)
 
 
 def _emission(
     scene: RenderScene,
+    o: Floats,
     d: Floats,
     t: Floats,
     shape: NDArray[np.int64],
     primitive: NDArray[np.int64],
     triangle: NDArray[np.int64],
 ) -> Floats:
-    """(3, n) radiance of lights that rays d (3, n) see from their emitting side, and of what surrounds the
-    scene.
+    """(3, n) radiance of lights that rays from o along d (3, n) see from their emitting side, and of what
+    surrounds the scene.
     """
     out = np.zeros_like(d)
     rows = (
@@ -278,7 +286,7 @@ def _emission(
     )
     if rows.size:
         mine, own = d.take(rows, axis=1), shape[rows]
-        p, normal = _normals(scene, scene.camera.origin + mine * t[rows], triangle[rows], primitive[rows])
+        p, normal = _normals(scene, _from(o, rows) + mine * t[rows], triangle[rows], primitive[rows])
         front = (dot(mine, normal) < 0) | scene.two_sided[own]
         le = with_emission_images(scene, scene.emission.take(own, axis=1), primitive[rows], p)
         out[:, rows] = np.where(front, le, 0.0)
@@ -290,14 +298,14 @@ def _emission(
 
 def _surface(
     scene: RenderScene,
+    p: Floats,
     d: Floats,
-    t: Floats,
     shape: NDArray[np.int64],
     triangle: NDArray[np.int64],
     primitive: NDArray[np.int64],
 ) -> SurfaceHit:
-    """Points and normals of hits; normals on the side that the ray comes from."""
-    p, n = _normals(scene, scene.camera.origin + d * t, triangle, primitive)
+    """Points and normals of hits at about p (3, n); normals on the side that rays d (3, n) come from."""
+    p, n = _normals(scene, p, triangle, primitive)
     front = dot(n, d) <= 0
     n = np.where(front, n, -n)
     # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill

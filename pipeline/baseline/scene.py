@@ -11,7 +11,7 @@ from pipeline.baseline.surfaces import View, mean_emission, surface, tessellate
 from pipeline.baseline.task import Array, Task
 from pipeline.references.mitsuba.environment import radiance
 from scenes.description.lights import Environment, environments
-from scenes.description.scene import PerspectiveCamera, SceneDescription
+from scenes.description.scene import Camera, SceneDescription
 from scenes.errors import SceneError
 
 # a light of each kind takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or
@@ -56,14 +56,14 @@ def convert(scene: SceneDescription) -> Task:
     )
 
 
-def make_view(camera: PerspectiveCamera) -> View:
+def make_view(camera: Camera) -> View:
     """pbrt's camera as OpenGL's, which looks along its own -z; SceneError for one with shear or unequal
     scale.
 
     Both have x to the right and y up in the image, so that turning z is all, and the mirroring that this is
     leaves angles and lengths as they are. A scale of the camera only stretches its rays.
     """
-    axes = camera.camera_to_world[:3, :3].T
+    axes = camera.pinhole("the rasterised baseline").camera_to_world[:3, :3].T
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)
     axes = axes / lengths
     if np.ptp(lengths) > 1e-6 * lengths.max() or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:

@@ -77,25 +77,24 @@ def in_view(scene: RenderScene) -> Array:
     """Points (m, 3) that rays across the image meet, without those that are many times farther than most."""
     camera = scene.camera
     x, y = (g.ravel() for g in np.meshgrid(*(np.linspace(0, n, GRID) for n in (camera.width, camera.height))))
-    d, t = first(scene, camera, x, y)
+    o, d, t = first(scene, camera, x, y)
     met = np.flatnonzero(np.isfinite(t))
     if not met.size:
         return camera.origin.T
     distance = np.minimum(t[met], FAR * float(np.median(t[met])))
-    return (camera.origin + d[:, met] * distance).T
+    return (o[:, met] + d[:, met] * distance).T
 
 
-def first(scene: RenderScene, camera: Camera, x: Array, y: Array) -> tuple[Array, Array]:
-    """Unit directions (3, n) through film points in pixels (n,), and how far it is to what they meet, inf for
-    nothing.
+def first(scene: RenderScene, camera: Camera, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Origins and unit directions (3, n) through film points in pixels (n,), and how far it is to what they
+    meet, inf for nothing.
     """
-    d = camera.corner + camera.du * x + camera.dv * y
-    d = d / np.sqrt((d * d).sum(axis=0))
-    return d, first_from(scene, camera.origin, d)
+    o, d = camera.through(x, y)
+    return np.broadcast_to(o, d.shape), d, first_from(scene, o, d)
 
 
 def first_from(scene: RenderScene, origin: Array, d: Array) -> Array:
-    """How far it is from origin (3, 1) along d (3, n) to what is met first, inf for nothing."""
+    """How far it is from origin (3, 1) or (3, n) along d (3, n) to what is met first, inf for nothing."""
     t, _ = scene.analytic.closest(np.arange(len(scene.analytic), dtype=np.int64), origin, d)
     return t if scene.triangles is None else np.minimum(t, scene.triangles.closest(origin, d)[0])
 
@@ -128,8 +127,8 @@ def look(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None,
 def _position(scene: RenderScene, target: Array, extent: float) -> Array:
     """From the side of the camera, turned about the vertical so that its view runs across the picture."""
     camera = scene.camera
-    forward = camera.corner + camera.du * (camera.width / 2) + camera.dv * (camera.height / 2)
-    back = -forward[:, 0]
+    middle = np.array([camera.width / 2]), np.array([camera.height / 2])
+    back = -(camera.screen(*middle, 1.0) - camera.screen(*middle, 0.0))[:, 0]
     heading = np.arctan2(back[2], back[0]) + np.radians(TURN)
     rise = np.radians(RISE)
     away = np.array([np.cos(heading) * np.cos(rise), np.sin(rise), np.sin(heading) * np.cos(rise)])
@@ -142,8 +141,8 @@ def _seen(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None
         return np.median(tried.start, axis=0)
     if pixel is None:
         return None
-    d, t = first(scene, scene.camera, np.array([pixel[0] + 0.5]), np.array([pixel[1] + 0.5]))
-    return (scene.camera.origin + d * t).T[0] if np.isfinite(t[0]) else None
+    o, d, t = first(scene, scene.camera, np.array([pixel[0] + 0.5]), np.array([pixel[1] + 0.5]))
+    return (o + d * t).T[0] if np.isfinite(t[0]) else None
 
 
 def _screen(scene: RenderScene, extent: float, estimator: str) -> tuple[Array, NDArray[np.uint8]]:
@@ -154,9 +153,9 @@ def _screen(scene: RenderScene, extent: float, estimator: str) -> tuple[Array, N
     du, dv = camera.du * (camera.width / width), camera.dv * (camera.height / height)
     small = replace(camera, du=du, dv=dv, width=width, height=height)
     image = render(replace(scene, camera=small), estimator=estimator, spp=4).image
-    y, x = np.meshgrid(np.arange(height + 1), np.arange(width + 1), indexing="ij")
-    plane = camera.corner[:, 0] + x[..., None] * du[:, 0] + y[..., None] * dv[:, 0]
-    return camera.origin[:, 0] + plane * (SCREEN * extent), _shown(image)
+    y, x = np.meshgrid(np.arange(height + 1.0), np.arange(width + 1.0), indexing="ij")
+    plane = small.screen(x.ravel(), y.ravel(), SCREEN * extent)
+    return plane.T.reshape(*x.shape, 3), _shown(image)
 
 
 def _shown(image: Array) -> NDArray[np.uint8]:

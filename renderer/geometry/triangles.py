@@ -60,11 +60,11 @@ class Triangles:
         """First triangle on each ray: distance (n,) in float64, inf for none, and its index (n,), -1 for
         none.
 
-        o: (3, 1), one camera for all rays. d: (3, n), unit.
+        o: (3, n), or (3, 1) for all rays. d: (3, n), unit.
         """
         start = (o - self.center) * self.scale
         if (
-            dot(start, start)[0] > FAR * FAR
+            dot(start, start).max(initial=0.0) > FAR * FAR
         ):  # float32 has no digits left out there: go to where the scene is near
             ahead = np.maximum(-dot(start, d) - FAR, 0.0)
             start = start + d * ahead

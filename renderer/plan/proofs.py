@@ -35,7 +35,7 @@ def provable(scene: RenderScene) -> bool:
 @dataclass(frozen=True, eq=False)
 class Extents:
     """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1.
-    camera: (m,). transmits: (s,).
+    camera: (m, e), of the eyes that its rays start between. transmits: (s,).
 
     light_low, light_high: (m, q) those of the sources. A distant light has inf or -inf for both, an
     environment -inf to inf.
@@ -59,7 +59,7 @@ def extents(scene: RenderScene) -> Extents:
     low, high = np.stack([lo for lo, _ in both], axis=1), np.stack([hi for _, hi in both], axis=1)
     plane = np.full(len(scene.bounds), -1, dtype=np.int64)
     plane[flat] = 3 + np.arange(len(flat))
-    camera = np.einsum("qc,c->q", normals, scene.camera.origin[:, 0])
+    camera = normals @ scene.camera.eyes
     scale = float(max(np.abs(low).max(), np.abs(high).max(), np.abs(camera).max()))
     lamps = [
         _lamp(source, low, high, normals, int(i))
@@ -92,8 +92,8 @@ def _faces_camera(e: Extents) -> NDArray[np.int64]:
     """
     rows = np.maximum(e.plane, 0)
     own = np.arange(e.plane.size)
-    above = e.camera[rows] > e.high[rows, own] + e.tolerance
-    below = e.camera[rows] < e.low[rows, own] - e.tolerance
+    above = e.camera[rows].min(axis=1) > e.high[rows, own] + e.tolerance
+    below = e.camera[rows].max(axis=1) < e.low[rows, own] - e.tolerance
     return np.where((e.plane < 0) | e.transmits, 0, above.astype(np.int64) - below.astype(np.int64))
 
 

@@ -8,41 +8,98 @@ an emitting shape emits on the side of its normal only.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.lights import Light
 from scenes.description.shapes import ShapeDescription
+from scenes.errors import SceneError
 from scenes.hashing import hash_values
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+class Lens:
+    """A thin lens in the plane z = 0 of camera space that images the plane z = `distance` sharply.
+
+    radius, distance: in units of camera space. Source: [pharr2023, sec. 5.2.3].
+    """
+
+    radius: float
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
 class PerspectiveCamera:
-    """A pinhole at the origin of pbrt's left-handed camera space.
+    """A pinhole or a thin lens at the origin of pbrt's left-handed camera space.
 
     camera_to_world: (4, 4) float64, any invertible affine map. fov: degrees that two units of the screen
     span. window: (4,) left, right, bottom and top of the film on the screen; None for the film's own shape,
-    whose shorter side reaches from -1 to 1.
+    whose shorter side reaches from -1 to 1. lens: None for a pinhole.
     """
 
     camera_to_world: Array
     fov: float
     window: Array | None = None
+    lens: Lens | None = None
+    kind: ClassVar[str] = "perspective"
+
+    @property
+    def own(self) -> dict[str, float]:
+        """The parameters that pbrt gives to this kind alone."""
+        return {"fov": self.fov}
 
     def film_plane(self, film: Film) -> tuple[float, float, float, float]:
         """Left, top, dx, dy: the film point (x, y), in pixels, lies at (left + x dx, top - y dy, 1).
 
         Source: [pharr2023, sec. 5.2.2].
         """
-        half = float(np.tan(np.radians(self.fov) / 2))
-        if self.window is None:
-            pixel = 2 * half / min(film.width, film.height)
-            return -(pixel * film.width / 2), pixel * film.height / 2, pixel, pixel
-        left, right, bottom, top = (self.window * half).tolist()
-        return left, top, (right - left) / film.width, (top - bottom) / film.height
+        return _film_plane(float(np.tan(np.radians(self.fov) / 2)), self.window, film)
+
+    def pinhole(self, who: str) -> PerspectiveCamera:
+        """The camera itself; SceneError for one with a lens, which `who` does not have."""
+        if self.lens is not None:
+            raise SceneError(f"{who} takes a pinhole camera only, not one with a lens")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class OrthographicCamera:
+    """Parallel rays along z from the film, which lies in the plane z = 0 of camera space.
+
+    camera_to_world, window, lens: as of `PerspectiveCamera`; the film is the window itself. With a lens all
+    rays start on the lens, as pbrt has it, towards the points that parallel rays meet at its distance.
+    Source: [pharr2023, sec. 5.2.1].
+    """
+
+    camera_to_world: Array
+    window: Array | None = None
+    lens: Lens | None = None
+    kind: ClassVar[str] = "orthographic"
+    own: ClassVar[dict[str, float]] = {}
+
+    def film_plane(self, film: Film) -> tuple[float, float, float, float]:
+        """Left, top, dx, dy: the film point (x, y), in pixels, lies at (left + x dx, top - y dy, 0)."""
+        return _film_plane(1.0, self.window, film)
+
+    def pinhole(self, who: str) -> PerspectiveCamera:
+        """SceneError: an orthographic camera has no pinhole."""
+        raise SceneError(f"{who} takes a pinhole camera only, not an orthographic one")
+
+
+Camera = PerspectiveCamera | OrthographicCamera
+
+
+def _film_plane(half: float, window: Array | None, film: Film) -> tuple[float, float, float, float]:
+    """As `film_plane` of a camera whose screen reaches from -half to half over the film's shorter side."""
+    if window is None:
+        pixel = 2 * half / min(film.width, film.height)
+        return -(pixel * film.width / 2), pixel * film.height / 2, pixel, pixel
+    left, right, bottom, top = (window * half).tolist()
+    return left, top, (right - left) / film.width, (top - bottom) / film.height
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +148,7 @@ class SceneDescription:
     """
 
     name: str = field(metadata={"content": False})
-    camera: PerspectiveCamera
+    camera: Camera
     film: Film
     shapes: tuple[ShapeDescription, ...]
     lights: tuple[Light, ...] = ()

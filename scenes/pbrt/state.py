@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scenes.description.lights import Light
 from scenes.description.materials import Diffuse, Material
-from scenes.description.scene import Film, PerspectiveCamera, PixelFilter, RenderDefaults
+from scenes.description.scene import Camera, Film, PerspectiveCamera, PixelFilter, RenderDefaults
 from scenes.description.shapes import Emission, Geometry
 from scenes.description.textures import Texture
 from scenes.errors import Location, Report, SceneError, Unsupported
@@ -142,7 +142,7 @@ class Builder:
     report: Report = field(default_factory=Report)
     state: GraphicsState = field(default_factory=GraphicsState)
     in_world: bool = False
-    camera: PerspectiveCamera = field(default_factory=lambda: PerspectiveCamera(np.eye(4), 90.0))
+    camera: Camera = field(default_factory=lambda: PerspectiveCamera(np.eye(4), 90.0))
     screen_window: Array | None = None
     full_size: tuple[int, int] = (1280, 720)
     crop: tuple[int, int, int, int] | None = None

@@ -39,11 +39,23 @@ CASES = [
     ("sky-and-sun", "mis"),
     ("asymmetric", "mis"),
     ("film-and-window", "mis"),
+    ("thin-lens", "mis"),
+    ("orthographic", "mis"),
     *((name, "mis") for name in GLASS),
 ]
 # pbrt's own picture of the bare sky reads 0.17 % less blue than the file says, and so does all that it
 # lights.
-COLOUR = NAMES | {"sky-and-sun": 2e-3, "asymmetric": 0.0, "film-and-window": 1e-3} | GLASS
+COLOUR = (
+    NAMES
+    | {
+        "sky-and-sun": 2e-3,
+        "asymmetric": 0.0,
+        "film-and-window": 1e-3,
+        "thin-lens": 1e-3,
+        "orthographic": 1e-3,
+    }
+    | GLASS
+)
 
 
 @pytest.mark.parametrize(("name", "estimator"), CASES)

@@ -18,8 +18,8 @@ from pipeline.references.closed_form.film import film_plane
 from pipeline.references.closed_form.patches import FLAT, Patch, Plane, outline
 from pipeline.references.closed_form.scene import Receiver
 from scenes.description.materials import Diffuse
+from scenes.description.scene import Camera, SceneDescription
 from scenes.description.scene import Film as FilmDescription
-from scenes.description.scene import PerspectiveCamera, SceneDescription
 from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
 
@@ -97,7 +97,7 @@ def _in_order(shapes: list[ShapeDescription], light: Patch) -> tuple[Receiver, R
     return floor, sheet, normal
 
 
-def _require_clear_order(light: Patch, floor: Plane, sheet: Plane, camera: PerspectiveCamera) -> None:
+def _require_clear_order(light: Patch, floor: Plane, sheet: Plane, camera: Camera) -> None:
     extent = float(np.ptp(light.outline, axis=0).max())
     if not float(floor.height(sheet.point)) > 0:
         raise SceneError("the closed form of an edge needs the sheet between floor and light")
@@ -109,7 +109,7 @@ def _require_clear_order(light: Patch, floor: Plane, sheet: Plane, camera: Persp
         raise SceneError("the closed form of an edge needs a camera on the light's side of the sheet")
 
 
-def _require_light_out_of_view(light: Patch, camera: PerspectiveCamera, film: FilmDescription) -> None:
+def _require_light_out_of_view(light: Patch, camera: Camera, film: FilmDescription) -> None:
     """Wholly beyond one side of the frustum, or behind the camera."""
     plane = film_plane(camera, film)
     x, y, z = plane.to_camera @ (light.outline - plane.eye).T

@@ -15,7 +15,7 @@ from pipeline.references.closed_form.cone import Cone, disk_cone, sphere_cone
 from pipeline.references.closed_form.patches import Patch, Plane, outline
 from pipeline.references.closed_form.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
 from scenes.description.lights import Light, PointLight
-from scenes.description.scene import PerspectiveCamera
+from scenes.description.scene import Camera
 from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 
@@ -170,7 +170,7 @@ def cone_of(light: Emitter, eye: Array, forward: Array) -> Cone | None:
     return disk_cone(apex, center, light.normal[:, None], light.radius)
 
 
-def outline_is_seen(light: Emitter, camera: PerspectiveCamera) -> bool:
+def outline_is_seen(light: Emitter, camera: Camera) -> bool:
     """False for a disk or sphere that straddles the camera's plane: its outline would be a hyperbola."""
     if isinstance(light, Patch):
         return True

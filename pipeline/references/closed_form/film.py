@@ -24,7 +24,7 @@ from pipeline.references.closed_form.emitters import cone_of
 from pipeline.references.closed_form.patches import Patch
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from pipeline.references.closed_form.scene import ClosedFormScene
-from scenes.description.scene import Film, PerspectiveCamera
+from scenes.description.scene import Camera, Film
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -86,9 +86,9 @@ class FilmPlane:
         return m * np.copysign(1.0, inside[np.argmax(np.abs(inside))])
 
 
-def film_plane(camera: PerspectiveCamera, film: Film) -> FilmPlane:
+def film_plane(camera: Camera, film: Film) -> FilmPlane:
     """The film plane at z = 1."""
-    left, top, dx, dy = camera.film_plane(film)
+    left, top, dx, dy = camera.pinhole("the closed form").film_plane(film)
     x: Array = left + dx * np.arange(film.width + 1, dtype=np.float64)
     y: Array = top - dy * np.arange(film.height + 1, dtype=np.float64)
     to_world = np.array(camera.camera_to_world[:3, :3])

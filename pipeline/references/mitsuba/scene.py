@@ -15,13 +15,15 @@ the left).
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import numpy as np
 
 from pipeline.references.mitsuba.film import offsets
 from pipeline.references.mitsuba.lights import lights
 from pipeline.references.mitsuba.shapes import Frame, shapes
-from pipeline.references.mitsuba.worker import MitsubaScene
-from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
+from pipeline.references.mitsuba.worker import MitsubaScene, Plugin
+from scenes.description.scene import Camera, Film, OrthographicCamera, PerspectiveCamera, SceneDescription
 from scenes.description.shapes import Array
 from scenes.errors import SceneError
 
@@ -66,7 +68,7 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     there.
     """
     frame = normalising_frame(scene)
-    camera, fov, film = _camera(scene.camera, scene.film, frame)
+    sensor, camera, film = _sensor(scene.camera, scene.film, frame)
     distances = [
         float(np.linalg.norm(frame.points(shape.geometry.corners) - camera[:3, 3], axis=1).max())
         for shape in scene.shapes
@@ -75,7 +77,7 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     emitters, notes = lights(scene.lights, frame)
     return MitsubaScene(
         camera_to_world=camera,
-        fov=fov,
+        sensor=sensor,
         clip=(
             1e-9 * farthest,
             4.0 * farthest,
@@ -90,11 +92,35 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     )
 
 
-def _camera(camera: PerspectiveCamera, film: Film, frame: Frame) -> tuple[Array, float, Array | None]:
-    """pbrt's camera as Mitsuba's: camera to world, mirrored in x; fov; and the map of the film to Mitsuba's.
+@singledispatch
+def _sensor(camera: Camera, film: Film, frame: Frame) -> tuple[Plugin, Array, Array | None]:
+    """pbrt's camera as Mitsuba's: its plugin; camera to world, mirrored in x; and the map of the film to
+    Mitsuba's, None where they are the same.
+    """
+    raise SceneError(f"Mitsuba has no camera for a {type(camera).__name__}")
 
-    Mitsuba's camera is rigid and looks along the middle of its film. The map is None where pbrt's does so
-    too; a scale of pbrt's only stretches its rays. SceneError where the film reaches behind that camera.
+
+@_sensor.register
+def _(camera: OrthographicCamera, film: Film, frame: Frame) -> tuple[Plugin, Array, Array | None]:
+    """Mitsuba's film reaches from -1 to 1 over its width; the matrix makes it pbrt's window."""
+    if camera.lens is not None:
+        raise SceneError("Mitsuba has no orthographic camera with a lens")
+    left, top, dx, dy = camera.film_plane(film)
+    across, down = camera.camera_to_world[:3, :2].T
+    half = film.width / 2  # of Mitsuba's units, in pixels
+    middle = camera.camera_to_world[:3, :3] @ (left + dx * half, top - dy * film.height / 2, 0.0)
+    result = np.eye(4)
+    result[:3, 0], result[:3, 1] = -across * dx * half * frame.scale, down * dy * half * frame.scale
+    result[:3, 2] = camera.camera_to_world[:3, 2] * frame.scale
+    result[:3, 3] = frame.points(camera.camera_to_world[:3, 3] + middle)
+    return Plugin("sensor", "orthographic"), result, None
+
+
+@_sensor.register
+def _(camera: PerspectiveCamera, film: Film, frame: Frame) -> tuple[Plugin, Array, Array | None]:
+    """Mitsuba's camera is rigid and looks along the middle of its film, unless it has a lens, whose sharp
+    plane lies across pbrt's view. A scale of pbrt's only stretches its rays. SceneError where the film
+    reaches behind that camera.
     """
     axes = camera.camera_to_world[:3, :3]
     lengths = np.linalg.norm(axes, axis=0)
@@ -104,10 +130,12 @@ def _camera(camera: PerspectiveCamera, film: Film, frame: Frame) -> tuple[Array,
     result[:3, 3] = frame.points(camera.camera_to_world[:3, 3])
     if rigid and camera.window is None:
         result[:3, :3] = axes / lengths * (-1.0, 1.0, 1.0)
-        return result, camera.fov, None
+        return _perspective(camera, camera.fov, float(lengths[0]) * frame.scale), result, None
+    if camera.lens is not None and not rigid:
+        raise SceneError("Mitsuba has no lens that a camera's transformation stretches")
     left, top, dx, dy = camera.film_plane(film)
     to_world = axes @ np.array([[dx * film.width, 0.0, left], [0.0, -dy * film.height, top], [0.0, 0.0, 1.0]])
-    own = _basis(to_world @ (0.5, 0.5, 1.0), to_world[:, 0])
+    own = axes / lengths if camera.lens else _basis(to_world @ (0.5, 0.5, 1.0), to_world[:, 0])
     result[:3, :3] = own * (-1.0, 1.0, 1.0)
     seen = own.T @ to_world  # (3, 3): film points to right, up and ahead of Mitsuba's camera
     corners = seen @ np.array([[0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])
@@ -117,7 +145,17 @@ def _camera(camera: PerspectiveCamera, film: Film, frame: Frame) -> tuple[Array,
     half = float((np.abs(corners[:2] / corners[2]) / side[:, None]).max())
     x, y = seen[0] / (half * side[0]), seen[1] / (half * side[1])
     unit_film = np.stack([(seen[2] + x) / 2, (seen[2] - y) / 2, seen[2]])
-    return result, float(np.degrees(2 * np.arctan(half))), unit_film
+    fov = float(np.degrees(2 * np.arctan(half)))
+    return _perspective(camera, fov, float(lengths[0]) * frame.scale), result, unit_film
+
+
+def _perspective(camera: PerspectiveCamera, fov: float, scale: float) -> Plugin:
+    """scale: from units of camera space to Mitsuba's. fov: degrees over the shorter side."""
+    values: dict[str, float | str] = {"fov": fov, "fov_axis": "smaller"}
+    if camera.lens is None:
+        return Plugin("sensor", "perspective", values)
+    radius, distance = camera.lens.radius * scale, camera.lens.distance * scale
+    return Plugin("sensor", "thinlens", values | {"aperture_radius": radius, "focus_distance": distance})
 
 
 def _basis(forward: Array, across: Array) -> Array:

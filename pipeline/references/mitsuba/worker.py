@@ -49,17 +49,17 @@ class Plugin:
 
 @dataclass(frozen=True, eq=False)
 class MitsubaScene:
-    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's; fov: degrees over
-    the shorter side.
+    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's. sensor: the
+    camera's plugin and its own values.
 
     filter: the pixel filter in x and in y, each as its offsets from the pixel's middle at equal steps of
     probability, or None for the box of one pixel. film: (3, 3), from homogeneous film points in [0, 1]^2 to
-    those of the camera of this fov, or None where they are the same. pixel: its width at distance 1. notes:
+    those of the sensor, or None where they are the same. pixel: its width at distance 1. notes:
     what a reader of the reference should know, by name.
     """
 
     camera_to_world: Array
-    fov: float
+    sensor: Plugin
     clip: tuple[float, float]
     width: int
     height: int
@@ -151,10 +151,8 @@ def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
         "rfilter": {"type": "box"},
     }
     camera = {
-        "type": "perspective",
+        **_value(mi, scene.sensor),
         "to_world": mi.ScalarTransform4f(scene.camera_to_world),
-        "fov": scene.fov,
-        "fov_axis": "smaller",
         "near_clip": scene.clip[0],
         "far_clip": scene.clip[1],
         "film": film,

@@ -120,8 +120,7 @@ def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
     film += [*_value("component_format", "float32"), *rfilter]
     inside = [
         *_transform("to_world", scene.camera_to_world),
-        *_value("fov", scene.fov),
-        *_value("fov_axis", "smaller"),
+        *(line for name, value in scene.sensor.values.items() for line in _value(name, value)),
         *_value("near_clip", scene.clip[0]),
         *_value("far_clip", scene.clip[1]),
         '<film type="hdrfilm">',
@@ -131,7 +130,7 @@ def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
         *_indented(_value("sample_count", spp)),
         "</sampler>",
     ]
-    return ['<sensor type="perspective">', *_indented(inside), "</sensor>"]
+    return [f'<sensor type="{scene.sensor.kind}">', *_indented(inside), "</sensor>"]
 
 
 @dataclass(eq=False)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.scene import Film, PerspectiveCamera, PixelFilter
+from scenes.description.scene import Camera, Film, Lens, OrthographicCamera, PerspectiveCamera, PixelFilter
 from scenes.errors import Unsupported
 from scenes.pbrt.state import FILTERS, Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
@@ -30,25 +30,43 @@ Array = NDArray[np.float64]
 
 
 def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Camera "perspective"`: a pinhole under any invertible transformation."""
+    """`Camera`: a projection, with or without a lens, under any invertible transformation."""
     builder.systems["camera"] = builder.state.transform.inverted()
     if builder.state.media is not None:
         builder.media_used.append((replace(builder.state.media, inside=""), None))
     builder.camera = PerspectiveCamera(np.eye(4), 90.0)  # holds while the rest of a refused scene is read
-    refuse_kind(kind, "perspective", parameters)
-    fov = parameters.number("fov", 90.0)
-    if not 0 < fov < 180:
-        raise parameters.fail("fov", f"fov is an angle between 0 and 180 degrees, not {fov:g}")
-    require_value(
-        parameters, "lensradius", parameters.number("lensradius", 0.0), 0.0, "the camera is a pinhole"
-    )
-    parameters.number("focaldistance", 1e6)  # of no effect without a lens
+    refuse_kind(kind, " ".join(KINDS), parameters)
+    lens = _lens(parameters)
     builder.exposure = parameters.number("shutterclose", 1.0) - parameters.number("shutteropen", 0.0)
     if not builder.exposure > 0:
         raise parameters.fail("shutterclose", f"the shutter is open for {builder.exposure:g}, not above 0")
     builder.screen_window = _window(parameters)
-    to_world = rigid(builder.state.transform)
-    builder.camera = PerspectiveCamera(builder.state.transform.inverse if to_world is None else to_world, fov)
+    builder.camera = KINDS[kind](builder, parameters, lens)
+
+
+def _perspective(builder: Builder, parameters: Parameters, lens: Lens | None) -> Camera:
+    fov = parameters.number("fov", 90.0)
+    if not 0 < fov < 180:
+        raise parameters.fail("fov", f"fov is an angle between 0 and 180 degrees, not {fov:g}")
+    # Only a pinhole's rays are those of its camera scaled.
+    to_world = None if lens is not None else rigid(builder.state.transform)
+    inverse = builder.state.transform.inverse
+    return PerspectiveCamera(inverse if to_world is None else to_world, fov, lens=lens)
+
+
+def _orthographic(builder: Builder, _: Parameters, lens: Lens | None) -> Camera:
+    return OrthographicCamera(builder.state.transform.inverse, lens=lens)
+
+
+KINDS = {"perspective": _perspective, "orthographic": _orthographic}
+
+
+def _lens(parameters: Parameters) -> Lens | None:
+    """The lens; None where its radius is not above 0, as pbrt takes it."""
+    radius, distance = parameters.number("lensradius", 0.0), parameters.number("focaldistance", 1e6)
+    if radius > 0 and not distance > 0:
+        raise parameters.fail("focaldistance", f"focaldistance must be positive, not {distance:g}")
+    return Lens(radius, distance) if radius > 0 else None
 
 
 def _window(parameters: Parameters) -> Array | None:
@@ -71,7 +89,7 @@ def _window(parameters: Parameters) -> Array | None:
     return np.sort(window.reshape(2, 2), axis=1).ravel()
 
 
-def framed(builder: Builder) -> PerspectiveCamera:
+def framed(builder: Builder) -> Camera:
     """The camera with the window that the film's crop shows.
 
     The window is None where it is the film's own: the shorter side from -1 to 1.
@@ -109,7 +127,7 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     builder.crop = _crop(parameters, size)
     x0, x1, y0, y1 = builder.crop or (0, size[0], 0, size[1])
     parameters.flag("savefp16", True)  # how pbrt stores its file; images here are float32
-    parameters.number("diagonal", 35.0)  # of no effect on a pinhole
+    parameters.number("diagonal", 35.0)  # of effect on pbrt's realistic camera alone
     if kind != "rgb":
         parameters.ignore()  # what pbrt stores beside the image
     builder.film = Film(x1 - x0, y1 - y0, parameters.text("filename", ""), builder.film.pixel_filter)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scenes.description.lights import environments
-from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, SceneDescription
+from scenes.description.scene import Camera, Film, RenderDefaults, SceneDescription
 from scenes.description.shapes import Array, ShapeDescription
 from scenes.errors import PenumbraError
 from scenes.pbrt.directives.lights import light_text
@@ -101,14 +101,19 @@ def _notes(scene: SceneDescription, files: SideFiles) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _camera(camera: PerspectiveCamera) -> list[str]:
+def _camera(camera: Camera) -> list[str]:
     axes = camera.camera_to_world[:3, :3]
     to_camera = axes.T if is_orthonormal(axes) else np.linalg.inv(axes).astype(np.float64)
-    shown = "" if camera.window is None else f' "float screenwindow" [ {numbers(camera.window)} ]'
+    given = dict(camera.own)
+    if camera.lens is not None:
+        given |= {"lensradius": camera.lens.radius, "focaldistance": camera.lens.distance}
+    shown = "".join(f' "float {name}" [ {value!r} ]' for name, value in given.items())
+    if camera.window is not None:
+        shown += f' "float screenwindow" [ {numbers(camera.window)} ]'
     return [
         matrix("Transform", to_camera),
         f"Translate {numbers(-camera.camera_to_world[:3, 3])}",
-        f'Camera "perspective" "float fov" [ {camera.fov!r} ]{shown}',
+        f'Camera "{camera.kind}"{shown}',
     ]
 
 

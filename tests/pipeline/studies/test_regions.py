@@ -29,7 +29,7 @@ def corners(scene: RenderScene) -> Floats:
     pixel = np.arange(w * h)
     out = []
     for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
-        d = scene.camera.rays(pixel, np.repeat([[x], [y]], pixel.size, axis=1))
+        _, d = scene.camera.rays(pixel, np.repeat([[x], [y]], pixel.size, axis=1))
         o = scene.camera.origin[:, 0]
         t = np.where(d[1] < 0, -o[1] / d[1], np.nan)
         above = (

@@ -10,8 +10,9 @@ from scenes.pbrt.parser import parse
 # Directive and kind, then the parameters that are read, as "type name".
 OPTIONS = {
     'Camera "perspective"': (
-        "float fov, float screenwindow, float frameaspectratio, float lensradius, float shutteropen"
+        "float fov, float screenwindow, float frameaspectratio, float lensradius, float focaldistance"
     ),
+    'Camera "orthographic"': "float screenwindow, float lensradius, float focaldistance, float shutteropen",
     'Film "rgb"': (
         "integer xresolution, float cropwindow, integer pixelbounds, string sensor, float iso, bool savefp16"
     ),

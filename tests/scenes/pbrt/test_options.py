@@ -130,10 +130,10 @@ def test_defaults_are_no_part_of_the_content() -> None:
 @pytest.mark.parametrize(
     ("line", "column", "words"),
     [
-        ('Camera "orthographic"', 1, ('"perspective"',)),
+        ('Camera "realistic"', 1, ('"perspective"', '"orthographic"')),
         ('Camera "perspective" "float fov" 180', 22, ("180",)),
         ('Camera "perspective" "float fov" 0', 22, ("0",)),
-        ('Camera "perspective" "float lensradius" .1', 22, ("pinhole",)),
+        ('Camera "perspective" "float focaldistance" 0 "float lensradius" .1', 22, ("positive",)),
         ('Camera "perspective" "float screenwindow" [ -1 1 ]', 22, ("four numbers, not 2",)),
         ('Camera "perspective" "float shutterclose" -0.5', 22, ("open for -0.5",)),
         ('Film "tiles"', 1, ('"rgb"', '"gbuffer"')),

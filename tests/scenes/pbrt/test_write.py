@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 import scenes
 from scenes.description.materials import Diffuse
-from scenes.description.scene import Film, PerspectiveCamera, RenderDefaults, SceneDescription
+from scenes.description.scene import (
+    Camera,
+    Film,
+    Lens,
+    OrthographicCamera,
+    PerspectiveCamera,
+    RenderDefaults,
+    SceneDescription,
+)
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.transforms import look_at, rotate, unit
@@ -85,11 +93,14 @@ class Random:
         emission = Emission(self.rng.random(3) * self.positive(), self.flag()) if emits else None
         return ShapeDescription(geometry, Diffuse(self.rng.random(3)), emission)
 
-    def camera(self) -> PerspectiveCamera:
+    def camera(self) -> Camera:
         to_world = look_at(np.zeros(3), self.direction(), self.rng.normal(size=3)).inverse.copy()
         to_world[:3, 3] = self.vector()
         to_world[:3, 0] *= -1 if self.flag() else 1  # a mirrored camera
-        return PerspectiveCamera(to_world + 0.0, float(self.rng.uniform(0.001, 179.9)))
+        lens = Lens(self.positive(), self.positive()) if self.flag() else None
+        if self.flag():
+            return OrthographicCamera(to_world + 0.0, lens=lens)
+        return PerspectiveCamera(to_world + 0.0, float(self.rng.uniform(0.001, 179.9)), lens=lens)
 
     def scene(self) -> SceneDescription:
         film = Film(int(self.rng.integers(1, 4096)), int(self.rng.integers(1, 4096)))

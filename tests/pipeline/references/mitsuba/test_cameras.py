@@ -14,7 +14,7 @@ from tests.kit.pbrt_images import Pair
 SCENE = """\
 {ctm}
 LookAt 0.5 2.4 6.5  0 0.5 0  0 1 0
-Camera "perspective" "float fov" 40 {camera}
+Camera {camera}
 Film "rgb" "integer xresolution" 48 "integer yresolution" 36 {film}
 PixelFilter {pixel_filter}
 Integrator "path" "integer maxdepth" 1
@@ -26,21 +26,28 @@ AreaLightSource "diffuse" "rgb L" [ 9 6 3 ]
 Shape "bilinearmesh" "point3 P" [ 0.3 2.7 -0.4  1.9 2.7 -0.4  0.3 2.7 0.8  1.9 2.7 0.8 ]
 """
 SHEAR = "Transform [ 1 .3 0 0  .2 .8 0 0  0 .1 1 0  0 0 0 1 ]"
+EYE = '"perspective" "float fov" 40 '
 WINDOW = '"float screenwindow" [ -1.5 0.9 -0.4 0.9 ]'
+WIDE = '"float screenwindow" [ -2.6 2.2 -1.4 1.95 ]'
+LENS = '"float lensradius" .3 "float focaldistance" 5 '
 CROP = '"float cropwindow" [ 0.25 0.916 0.33 1 ]'  # 32 x 24 pixels
 
 
 @pytest.mark.parametrize(
     ("ctm", "camera", "film", "pixel_filter"),
     [
-        ("", WINDOW, "", '"box"'),
-        ("Scale -1 1 1", WINDOW, CROP, '"gaussian"'),
-        (SHEAR, "", "", '"box"'),
-        (SHEAR, WINDOW, CROP, '"triangle" "float xradius" 1.2'),
-        ("Transform [ .999 0 0 0  0 1.001 0 0  0 0 1 0  0 0 0 1 ]", "", "", '"box"'),
+        ("", EYE + WINDOW, "", '"box"'),
+        ("Scale -1 1 1", EYE + WINDOW, CROP, '"gaussian"'),
+        (SHEAR, EYE, "", '"box"'),
+        (SHEAR, EYE + WINDOW, CROP, '"triangle" "float xradius" 1.2'),
+        ("Transform [ .999 0 0 0  0 1.001 0 0  0 0 1 0  0 0 0 1 ]", EYE, "", '"box"'),
+        ("", EYE + LENS, "", '"box"'),
+        ("Scale -2 2 2", EYE + LENS + WINDOW, CROP, '"gaussian"'),
+        ("", '"orthographic" ' + WIDE, "", '"gaussian"'),
+        (SHEAR, '"orthographic" ' + WIDE, CROP, '"box"'),
     ],
 )
-def test_windows_crops_and_stretching_cameras_agree(
+def test_windows_crops_lenses_and_stretching_cameras_agree(
     ctm: str, camera: str, film: str, pixel_filter: str
 ) -> None:
     scene = parse(SCENE.format(ctm=ctm, camera=camera, film=film, pixel_filter=pixel_filter))
@@ -56,6 +63,15 @@ def test_windows_crops_and_stretching_cameras_agree(
 def test_a_film_that_reaches_behind_the_camera_is_refused() -> None:
     """Sheared so far that half of the film lies behind the plane across its middle ray."""
     ctm = "Transform [ 1 0 3 0  0 1 0 0  0 0 1 0  0 0 0 1 ]"
-    text = SCENE.format(ctm=ctm, camera='"float screenwindow" [ -9 9 -1 1 ]', film="", pixel_filter='"box"')
-    why = MitsubaBackend().refuses(parse(text))
+    camera = EYE + '"float screenwindow" [ -9 9 -1 1 ]'
+    why = MitsubaBackend().refuses(parse(SCENE.format(ctm=ctm, camera=camera, film="", pixel_filter='"box"')))
     assert why is not None and "behind" in why
+
+
+@pytest.mark.parametrize(
+    ("ctm", "camera", "word"),
+    [(SHEAR, EYE + LENS, "stretches"), ("", '"orthographic" ' + LENS, "orthographic")],
+)
+def test_lenses_that_mitsuba_does_not_have_are_refused(ctm: str, camera: str, word: str) -> None:
+    why = MitsubaBackend().refuses(parse(SCENE.format(ctm=ctm, camera=camera, film="", pixel_filter='"box"')))
+    assert why is not None and word in why
