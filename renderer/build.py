@@ -18,13 +18,14 @@ from renderer.geometry.primitives import (
     is_analytic,
     without_skew,
 )
+from renderer.geometry.shading_normals import ShadingNormals, shading_normals
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
 from renderer.interfaces.light import LIGHTS, LightGroup, Source, Surroundings
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
 from renderer.math.vectors import Floats
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import Bounds, ShapeDescription
+from scenes.description.shapes import Bounds, ShapeDescription, vertex_normals
 from scenes.errors import SceneError
 
 
@@ -74,7 +75,8 @@ class RenderScene:
     emissive_triangles: the triangles that emit alone; None where none does.
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
-    varies. material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each.
+    varies. shading_normals: None without vertex
+    normals. material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each.
     contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
     world units, beyond everything from any point of the scene.
     seconds_build: wall clock.
@@ -93,6 +95,7 @@ class RenderScene:
     two_sided: NDArray[np.bool_]
     emission_images: tuple[tuple[int, Floats], ...]
     coordinates: Coordinates | None
+    shading_normals: ShadingNormals | None
     material_of: NDArray[np.int64]
     lobes: NDArray[np.int64]
     contact_epsilon: float
@@ -108,6 +111,13 @@ class RenderScene:
     def transmits(self) -> NDArray[np.bool_]:
         """(s,): shapes that let light through."""
         return (self.lobes & Lobes.TRANSMISSION) != 0
+
+    @property
+    def smooth(self) -> NDArray[np.bool_]:
+        """(s,): shapes with vertex normals."""
+        return np.array(
+            [vertex_normals(s.geometry) is not None for s in self.description.shapes], dtype=np.bool_
+        )
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
         """Each kind of material with the rows (m,) of shape (n,) that are of it."""
@@ -149,6 +159,7 @@ def build(scene: SceneDescription) -> RenderScene:
             (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
         ),
         coordinates=coordinates(shapes, analytic),
+        shading_normals=shading_normals(shapes),
         material_of=np.array(
             [[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64
         ),

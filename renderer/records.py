@@ -19,7 +19,8 @@ class SurfaceHit:
     triangle, primitive: (n,) int64, the triangle or analytic primitive that the point lies on, -1 for none.
     uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures. front: (n,), or (1,) for all,
     whether wo lies on the side that the surface's orientation calls its outside. tangent: (3, n) dp/du of any
-    length, 0 where the surface has none; (3, 1) zeros in a scene of isotropic materials.
+    length, 0 where the surface has none; (3, 1) zeros in a scene of isotropic materials. shading_n: (3, n) unit shading
+    normals on the side of wo, None where every surface is shaded by its geometric normal.
     """
 
     p: Floats
@@ -31,6 +32,12 @@ class SurfaceHit:
     uv: Floats
     front: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     tangent: Floats = field(default_factory=lambda: np.zeros((3, 1)))
+    shading_n: Floats | None = None
+
+    @property
+    def ns(self) -> Floats:
+        """(3, n): the normals that BSDFs and their cosines are about; rays start off surfaces along `n`."""
+        return self.n if self.shading_n is None else self.shading_n
 
     def normal_towards(self, wi: Floats) -> Floats:
         """(3, n): the normals on the side of wi (3, n), which is the other one where light is transmitted."""
@@ -48,6 +55,7 @@ class SurfaceHit:
             self.uv if self.uv.shape[1] == 1 else self.uv.take(rows, axis=1),
             self.front if self.front.size == 1 else self.front[rows],
             self.tangent if self.tangent.shape[1] == 1 else self.tangent.take(rows, axis=1),
+            None if self.shading_n is None else self.shading_n.take(rows, axis=1),
         )
 
 

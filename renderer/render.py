@@ -307,13 +307,18 @@ def _surface(
     """Points and normals of hits at about p (3, n); normals on the side that rays d (3, n) come from."""
     p, n = _normals(scene, p, triangle, primitive)
     front = dot(n, d) <= 0
-    n = np.where(front, n, -n)
+    ns = None
+    if scene.shading_normals is not None:
+        ns, own = scene.shading_normals.at(p, n, triangle, primitive)
+        front = np.where(own, dot(ns, d) <= 0, front)
+        ns = np.where(dot(ns, d) <= 0, ns, -ns)
+    n = np.where(dot(n, d) <= 0, n, -n)
     # A point of a lamp's own surface must not lie on the wrong side of it by rounding: the lamp would fill
     # its whole sky.
     glowing = np.flatnonzero(scene.sources.of_shape[shape] >= 0)
     if glowing.size:
         p[:, glowing] += n.take(glowing, axis=1) * scene.contact_epsilon
-    hit = SurfaceHit(p, n, -d, shape, triangle, primitive, np.zeros((2, 1)), front)
+    hit = SurfaceHit(p, n, -d, shape, triangle, primitive, np.zeros((2, 1)), front, shading_n=ns)
     if scene.coordinates is None:
         return hit
     hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))

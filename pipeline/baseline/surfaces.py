@@ -50,7 +50,8 @@ def surface(shape: ShapeDescription, view: View) -> Surface:
 def tessellate(geometry: Geometry) -> tuple[Array, Array]:
     """Corners and normals of triangles, (t, 3, 3) each, world space; normals on the side that would emit.
 
-    Spheres have their own normals at the corners, everything else the normal of each triangle.
+    Spheres and meshes with vertex normals have those at the corners, everything else the normal of
+    each triangle.
     """
     mesh = geometry.triangulated()
     corners, side = mesh.vertices[mesh.faces], -1.0 if mesh.reverse else 1.0
@@ -59,7 +60,13 @@ def tessellate(geometry: Geometry) -> tuple[Array, Array]:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     whole = length[:, 0] > 0  # the others have no area, and no normal
-    return corners[whole], np.repeat((normals[whole] / length[whole] * side)[:, None], 3, axis=1)
+    flat = np.repeat((normals[whole] / length[whole] * side)[:, None], 3, axis=1)
+    if mesh.normals is None:
+        return corners[whole], flat
+    smooth = mesh.normals[mesh.faces[whole]]
+    size = np.linalg.norm(smooth, axis=-1, keepdims=True)
+    told = (size > 0) & (size < np.inf)
+    return corners[whole], np.where(told, smooth / np.where(told, size, 1.0), flat)
 
 
 def mean_emission(emission: Emission) -> Array:

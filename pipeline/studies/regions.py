@@ -123,7 +123,7 @@ def _visibility(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats
     light, u = choose_light(scene, u)
     sample = sample_light(scene, supporting_techniques(scene, *BEST), hit, light, u)
     with np.errstate(invalid="ignore"):
-        sent = sample.valid & (dot(sample.wi, hit.n) > 0) & np.any(sample.radiance > 0, axis=0)
+        sent = sample.valid & (dot(sample.wi, hit.ns) > 0) & np.any(sample.radiance > 0, axis=0)
     seen = Seen(light, sample.wi, sample.dist, sample.normal)
     one = np.ones(hit.p.shape)
     arrived = visible(scene, plan, hit, seen, sent, one)

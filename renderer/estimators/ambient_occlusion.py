@@ -3,7 +3,7 @@ own, not light.
 
 A(p) = 1/pi int V(p, wi) cos dwi, V being 0 where something is met nearer than the scene's `maxdistance`.
 Directions go as the cosine, so that a sample is V itself. Lights play no part, but for their shapes, which
-are in the way like any other.
+are in the way like any other. The hemisphere is about the geometric normal, as in pbrt's AOIntegrator.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class AnalyticVisibility(Estimator):
             weight = abs_cosine(hit, sample.wi) / (sample.pdf * light_pmf(scene, light))
             radiance = np.where(useful, f * (sample.radiance * weight), 0.0)
         seen = visible(scene, plan, hit, Seen(light, sample.wi, sample.dist, sample.normal), useful, radiance)
-        closed = bsdf_value(scene, hit, hit.n) * irradiance(scene, hit)
+        closed = bsdf_value(scene, hit, hit.ns) * irradiance(scene, hit)
         if self.ratio:
             return Reflected(seen.radiance, seen.shadow_rays, (closed, radiance))
         return Reflected(closed + (seen.radiance - radiance), seen.shadow_rays)
@@ -74,7 +74,7 @@ def irradiance(scene: RenderScene, hit: SurfaceHit) -> Floats:
     for kind in scene.lights.kinds:
         for first in range(0, kind.parts.source.size, BLOCK):
             some = np.arange(first, min(first + BLOCK, kind.parts.source.size))
-            p, normal = (np.tile(v, (1, some.size)) for v in (hit.p, hit.n))
+            p, normal = (np.tile(v, (1, some.size)) for v in (hit.p, hit.ns))
             part = kind.irradiance(some.repeat(n), p, normal)
             assert part is not None, "refuses() lets only lights with closed forms through"
             by_light = np.broadcast_to(part, p.shape).reshape(3, some.size, n)

@@ -97,7 +97,7 @@ def _about_normals(
 
     density: from the cosine (n,) of a direction with the axis of its hemisphere.
     """
-    axis, share = hit.n, 1.0
+    axis, share = hit.ns, 1.0
     if scene.transmits.any():
         both = scene.transmits[hit.shape]
         under = both & (u[0] < 0.5)

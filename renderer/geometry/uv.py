@@ -120,7 +120,7 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
         else:
             triangles.extend(numbers)
         faces += len(own)
-    origin, along = _affine(np.concatenate(corners), np.concatenate(uv))
+    origin, along = affine(np.concatenate(corners), np.concatenate(uv))
     return Coordinates(
         origin,
         along,
@@ -149,16 +149,16 @@ def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
     return mesh.vertices[mesh.triangulated().faces], mesh.triangle_uv()
 
 
-def _affine(corners: Floats, uv: Floats) -> tuple[Floats, Floats]:
-    """origin (2, m) and along (2, 3, m) for corners (m, 3, 3) with uv (m, 3, 2); a face without area gets its
-    first corner's.
+def affine(corners: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """origin (k, m) and along (k, 3, m) of the affine functions origin + along . p with these values
+    (m, 3, k) at corners (m, 3, 3); a face without area gets its first corner's.
     """
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(a, b)
     square = (normal * normal).sum(axis=1, keepdims=True)
     square = np.where(square > 0, square, np.inf)
     x, y = np.cross(b, normal) / square, np.cross(normal, a) / square
-    du, dv = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    along = du[:, :, None] * x[:, None, :] + dv[:, :, None] * y[:, None, :]  # (m, 2, 3)
-    origin = uv[:, 0] - (along * corners[:, None, 0]).sum(axis=2)
+    du, dv = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    along = du[:, :, None] * x[:, None, :] + dv[:, :, None] * y[:, None, :]  # (m, k, 3)
+    origin = values[:, 0] - (along * corners[:, None, 0]).sum(axis=2)
     return np.ascontiguousarray(origin.T), np.ascontiguousarray(along.transpose(1, 2, 0))

@@ -62,7 +62,7 @@ class ConductorMaterials:
         return cls(alpha, metal, (eta - k) * (eta + k), 2 * eta * k, across)
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        mu_o, mu_i = np.maximum(dot(hit.wo, hit.n), 0.0), np.maximum(dot(wi, hit.n), 0.0)
+        mu_o, mu_i = np.maximum(dot(hit.wo, hit.ns), 0.0), np.maximum(dot(wi, hit.ns), 0.0)
         facets = Facets.at(hit, self.alpha, self.alpha_v)
         distribution, h2 = facets.distribution(hit.wo + wi)
         # 0 where both directions graze: the numerator is 0 there already.
@@ -83,21 +83,21 @@ class ConductorMaterials:
     def _polished(self, hit: SurfaceHit, rough: BSDFSample) -> BSDFSample:
         """The samples with those of mirrors in their one direction: f |cos| / pdf is the reflectance."""
         mirror = gather(self.alpha, hit.shape) == 0
-        mu_o = np.clip(dot(hit.wo, hit.n), 0.0, 1.0)
+        mu_o = np.clip(dot(hit.wo, hit.ns), 0.0, 1.0)
         reflected = fresnel(mu_o, gather(self.difference, hit.shape), gather(self.product, hit.shape))
         return BSDFSample(
-            np.where(mirror, 2 * mu_o * hit.n - hit.wo, rough.wi),
+            np.where(mirror, 2 * mu_o * hit.ns - hit.wo, rough.wi),
             np.where(mirror, reflected / np.maximum(mu_o, TINY), rough.value),
             np.where(mirror, gather(self.metal, hit.shape), rough.pdf),
             np.broadcast_to(mirror, rough.pdf.shape),
         )
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        mu_o = np.maximum(dot(hit.wo, hit.n), 0.0)
+        mu_o = np.maximum(dot(hit.wo, hit.ns), 0.0)
         facets = Facets.at(hit, self.alpha, self.alpha_v)
         distribution, _ = facets.distribution(hit.wo + wi)
         seen = np.maximum(2 * (mu_o + facets.projected(hit.wo, mu_o)), TINY)
-        return (dot(wi, hit.n) > 0) * distribution / seen
+        return (dot(wi, hit.ns) > 0) * distribution / seen
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:

@@ -66,7 +66,7 @@ class DielectricMaterials:
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
         facets, eta = self._rough(hit)
-        mu_o, mu_i = _cosine(hit), dot(wi, hit.n)
+        mu_o, mu_i = _cosine(hit), dot(wi, hit.ns)
         h, wo_m, wi_m = _half(hit, wi, eta)
         f, _ = fresnel_dielectric(np.clip(wo_m, 0.0, 1.0), eta)
         lobe = gather(self.glass, hit.shape) * (facets.alpha > 0) * facets.distribution(h)[0]
@@ -79,7 +79,7 @@ class DielectricMaterials:
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
         facets, eta = self._rough(hit)
-        mu_o, mu_i = _cosine(hit), dot(wi, hit.n)
+        mu_o, mu_i = _cosine(hit), dot(wi, hit.ns)
         h, wo_m, wi_m = _half(hit, wi, eta)
         f, _ = fresnel_dielectric(np.clip(wo_m, 0.0, 1.0), eta)
         visible = gather(self.glass, hit.shape) * (facets.alpha > 0) * facets.distribution(h)[0]
@@ -115,7 +115,7 @@ class DielectricMaterials:
         f, refracted = fresnel_dielectric(np.clip(wo_m, 0.0, 1.0), eta)
         mirrored = u[0] * BITS % 1.0 < f
         wi = np.where(mirrored, 2 * wo_m * m - hit.wo, (wo_m / eta - refracted) * m - hit.wo / eta)
-        side = (dot(wi, hit.n) > 0) == mirrored
+        side = (dot(wi, hit.ns) > 0) == mirrored
         return BSDFSample(wi, self.evaluate(hit, wi), np.where(side, self.pdf(hit, wi), 0.0))
 
     def _smooth_sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
@@ -127,8 +127,8 @@ class DielectricMaterials:
         behind = np.where(thin, mu_o, refracted)
         bend = np.where(thin, 1.0, eta)
         mirrored = u[0] < f
-        through = (mu_o / bend - behind) * hit.n - hit.wo / bend
-        wi = np.where(mirrored, 2 * mu_o * hit.n - hit.wo, through)
+        through = (mu_o / bend - behind) * hit.ns - hit.wo / bend
+        wi = np.where(mirrored, 2 * mu_o * hit.ns - hit.wo, through)
         pdf = np.where(mirrored, f, 1.0 - f) * gather(self.glass, hit.shape)
         # Radiance is divided by eta^2 where it is refracted into another medium.
         cosine = np.where(mirrored, mu_o, behind * (bend * bend))
@@ -156,7 +156,7 @@ class DielectricMaterials:
 
 
 def _cosine(hit: SurfaceHit) -> Floats:
-    return np.clip(dot(hit.wo, hit.n), 0.0, 1.0)
+    return np.clip(dot(hit.wo, hit.ns), 0.0, 1.0)
 
 
 def _half(hit: SurfaceHit, wi: Floats, eta: Floats) -> tuple[Floats, Floats, Floats]:
@@ -164,10 +164,10 @@ def _half(hit: SurfaceHit, wi: Floats, eta: Floats) -> tuple[Floats, Floats, Flo
 
     The half vector of reflection is wi + wo, that of refraction eta wi + wo [walter2007, eq. 13 and 16].
     """
-    h = wi * np.where(dot(wi, hit.n) > 0, 1.0, eta) + hit.wo
+    h = wi * np.where(dot(wi, hit.ns) > 0, 1.0, eta) + hit.wo
     with np.errstate(invalid="ignore", divide="ignore"):
         m = h / np.sqrt(dot(h, h))
-        m = np.where(dot(m, hit.n) < 0, -m, m)
+        m = np.where(dot(m, hit.ns) < 0, -m, m)
         return h, dot(hit.wo, m), dot(wi, m)
 
 

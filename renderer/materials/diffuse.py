@@ -57,16 +57,16 @@ class DiffuseMaterials:
             if rows.size:
                 # What is scaled may exceed 1; pbrt clamps it too.
                 value[:, rows] = np.clip(evaluate(texture, hit.uv.take(rows, axis=1)), 0.0, 1.0) / np.pi
-        return value * (dot(wi, hit.n) > 0)
+        return value * (dot(wi, hit.ns) > 0)
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
         """Cosine-weighted, which is the whole of a Lambertian BRDF."""
         x, y, z = cosine_hemisphere(u)
-        wi = combine(frame_about(hit.n), x, y, z)
+        wi = combine(frame_about(hit.ns), x, y, z)
         return BSDFSample(wi, self.evaluate(hit, wi), z / np.pi)
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        return np.maximum(dot(wi, hit.n), 0.0) / np.pi
+        return np.maximum(dot(wi, hit.ns), 0.0) / np.pi
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:

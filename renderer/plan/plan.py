@@ -83,6 +83,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         *_occlusion(scene, proved),
         _blockers(proved.blockers),
         _horizon(proved.crosses),
+        *_shading_normals(scene),
     )
     in_view = (
         visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
@@ -213,6 +214,13 @@ def _blockers(blockers: Bools) -> Decision:
     idle = int((~blockers).sum())
     reason = f"{idle} of {blockers.size} shapes never lie between a receiver and a light"
     return Decision("all shapes in shadow tests", idle == 0, reason, "blockers")
+
+
+def _shading_normals(scene: RenderScene) -> list[Decision]:
+    if scene.shading_normals is None:
+        return []
+    reason = f"{int(scene.smooth.sum())} of {len(scene.bounds)} shapes have vertex normals"
+    return [Decision("shading normals", True, reason, "none")]
 
 
 def _horizon(crosses: bool) -> Decision:

@@ -35,7 +35,8 @@ def provable(scene: RenderScene) -> bool:
 @dataclass(frozen=True, eq=False)
 class Extents:
     """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1.
-    camera: (m, e), of the eyes that its rays start between. transmits: (s,).
+    camera: (m, e), of the eyes that its rays start between. both_sides: (s,), shapes that light from behind
+    their plane may leave: those that transmit, and those whose shading normals lean away from the plane's.
 
     light_low, light_high: (m, q) those of the sources. A distant light has inf or -inf for both, an
     environment -inf to inf.
@@ -47,7 +48,7 @@ class Extents:
     light_high: Floats
     plane: NDArray[np.int64]
     camera: Floats
-    transmits: Bools
+    both_sides: Bools
     tolerance: float
 
 
@@ -68,7 +69,9 @@ def extents(scene: RenderScene) -> Extents:
     light_low, light_high = (
         np.stack([np.zeros(len(normals)), *side], axis=1)[:, 1:] for side in zip(*lamps, strict=True)
     )
-    return Extents(low, high, light_low, light_high, plane, camera, scene.transmits, TOLERANCE * scale)
+    return Extents(
+        low, high, light_low, light_high, plane, camera, scene.transmits | scene.smooth, TOLERANCE * scale
+    )
 
 
 def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int) -> tuple[Floats, Floats]:
@@ -88,13 +91,13 @@ def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int
 def _faces_camera(e: Extents) -> NDArray[np.int64]:
     """(s,) 1 or -1: the one side of its plane on which a flat shape is seen and lit.
 
-    0 if it is not flat, is seen edge-on, or lets light through.
+    0 if it is not flat, is seen edge-on, or may be lit from both sides.
     """
     rows = np.maximum(e.plane, 0)
     own = np.arange(e.plane.size)
     above = e.camera[rows].min(axis=1) > e.high[rows, own] + e.tolerance
     below = e.camera[rows].max(axis=1) < e.low[rows, own] - e.tolerance
-    return np.where((e.plane < 0) | e.transmits, 0, above.astype(np.int64) - below.astype(np.int64))
+    return np.where((e.plane < 0) | e.both_sides, 0, above.astype(np.int64) - below.astype(np.int64))
 
 
 def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:

@@ -26,8 +26,8 @@ def bsdf_value(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
 
 
 def abs_cosine(hit: SurfaceHit, wi: Floats) -> Floats:
-    """|cos| (n,) of wi (3, n) with the normal: the factor that goes with `bsdf_value`."""
-    return np.abs(dot(wi, hit.n))
+    """|cos| (n,) of wi (3, n) with the shading normal: the factor that goes with `bsdf_value`."""
+    return np.abs(dot(wi, hit.ns))
 
 
 def sample_bsdf(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:

@@ -95,12 +95,12 @@ def _sampled(
 ) -> LightSample:
     """See `sample_light`."""
     if len(techniques) == 1:
-        return techniques[0].sample_direction(light, hit.p, hit.n, u)
+        return techniques[0].sample_direction(light, hit.p, hit.ns, u)
     n = light.size
     wi, dist, facing, radiance = np.zeros((3, n)), np.zeros(n), np.zeros((3, n)), np.zeros((3, n))
     pdf, valid = np.ones(n), np.zeros(n, dtype=np.bool_)
     for first, rows, technique in _rows_by_kind(scene, techniques, light):
-        p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
+        p, normal = hit.p.take(rows, axis=1), hit.ns.take(rows, axis=1)
         part = technique.sample_direction(light[rows] - first, p, normal, u.take(rows, axis=1))
         wi[:, rows], dist[rows], facing[:, rows] = part.wi, part.dist, part.normal
         radiance[:, rows] = part.radiance
@@ -116,7 +116,7 @@ def light_pdf(
     """
     pdf = np.zeros(light.size)
     for first, rows, technique in _rows_by_kind(scene, techniques, light):
-        p, normal = hit.p.take(rows, axis=1), hit.n.take(rows, axis=1)
+        p, normal = hit.p.take(rows, axis=1), hit.ns.take(rows, axis=1)
         own = technique.pdf_direction(light[rows] - first, p, normal, wi.take(rows, axis=1))
         pdf[rows] = own * scene.lights.pmf.take(light[rows])
     return pdf

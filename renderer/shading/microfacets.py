@@ -80,12 +80,12 @@ class Facets:
         Without a tangent x is as pbrt chooses it, by the normal alone.
         """
         if alpha_v is None:
-            return cls(hit.n, gather(alpha, hit.shape), None)
-        x = hit.tangent - hit.n * dot(hit.n, hit.tangent)
+            return cls(hit.ns, gather(alpha, hit.shape), None)
+        x = hit.tangent - hit.ns * dot(hit.ns, hit.tangent)
         square = dot(x, x)
         with np.errstate(invalid="ignore", divide="ignore"):
-            x = np.where(square > 0, x / np.sqrt(square), frame_about(hit.n)[0])
-        return cls(hit.n, gather(alpha, hit.shape), (x, cross(hit.n, x), gather(alpha_v, hit.shape)))
+            x = np.where(square > 0, x / np.sqrt(square), frame_about(hit.ns)[0])
+        return cls(hit.ns, gather(alpha, hit.shape), (x, cross(hit.ns, x), gather(alpha_v, hit.shape)))
 
     def projected(self, w: Floats, cosine: Floats) -> Floats:
         """q (n,) of directions w (3, n), whose cosine with n is given."""

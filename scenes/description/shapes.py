@@ -71,13 +71,15 @@ class TriangleMesh:
     """Triangles; a face's normal is (p1-p0) x (p2-p0), turned round where `reverse` is set.
 
     vertices: (m, 3) float64, world space. faces: (t, 3) int64. uv: (m, 2), or None: every face is (0,0),
-    (1,0), (1,1), as in pbrt.
+    (1,0), (1,1), as in pbrt. normals: (m, 3) vertex normals in world space, of any length, on the side that
+    the surface calls its outside; None: every face is shaded by its own.
     """
 
     vertices: Array
     faces: Faces
     reverse: bool = False
     uv: Array | None = None
+    normals: Array | None = None
 
     @property
     def corners(self) -> Array:
@@ -99,7 +101,9 @@ class TriangleMesh:
 
     def flipped(self) -> TriangleMesh:
         """The mesh with its other side in front."""
-        return replace(self, reverse=not self.reverse)
+        return replace(
+            self, reverse=not self.reverse, normals=None if self.normals is None else -self.normals
+        )
 
     def untextured(self) -> TriangleMesh:
         """The mesh without what only a texture looks at."""
@@ -282,6 +286,11 @@ class ShapeDescription:
         if self.emission is None:
             return self
         return replace(self, emission=replace(self.emission, radiance=self.emission.radiance * factor))
+
+
+def vertex_normals(geometry: Geometry) -> Array | None:
+    """(m, 3) of a mesh that is shaded smoothly, else None."""
+    return geometry.normals if isinstance(geometry, TriangleMesh) else None
 
 
 def halves(patches: Faces) -> Faces:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scenes.description.shapes import Array, Faces, Mesh
+from scenes.description.shapes import Array, Faces, Mesh, TriangleMesh, vertex_normals
 from scenes.errors import Report, SceneError
 from scenes.pbrt.directives.shapes import place, range_problem
 from scenes.pbrt.state import InstanceUse, PlacedShape
@@ -27,6 +27,7 @@ class _Pool:
     vertices: list[Array] = field(default_factory=list[Array])
     faces: list[Faces] = field(default_factory=list[Faces])
     uv: list[Array] = field(default_factory=list[Array])
+    normals: list[Array] = field(default_factory=list[Array])
     count: int = 0
 
     def add(self, mesh: Mesh) -> None:
@@ -34,12 +35,16 @@ class _Pool:
         self.faces.append(mesh.faces + self.count)
         if mesh.uv is not None:
             self.uv.append(mesh.uv)
+        if (normals := vertex_normals(mesh)) is not None:
+            self.normals.append(normals)
         self.count += len(mesh.vertices)
 
     def shape(self) -> PlacedShape:
         uv = np.concatenate(self.uv) if self.uv else None
         vertices, faces = np.concatenate(self.vertices), np.concatenate(self.faces)
         mesh = replace(self.first.geometry, vertices=vertices, faces=faces, uv=uv)
+        if self.normals and isinstance(mesh, TriangleMesh):
+            mesh = replace(mesh, normals=np.concatenate(self.normals))
         return replace(self.first, geometry=mesh)
 
 
@@ -63,7 +68,13 @@ def expand_instances(
                 continue
             placed = PlacedShape(moved, shape.material, None, use.where)
             if isinstance(moved, Mesh):
-                key = (type(moved), id(shape.material), moved.reverse, moved.uv is None)
+                key = (
+                    type(moved),
+                    id(shape.material),
+                    moved.reverse,
+                    moved.uv is None,
+                    vertex_normals(moved) is None,
+                )
                 pools.setdefault(key, _Pool(placed)).add(moved)
             else:
                 single.append(placed)

@@ -43,6 +43,11 @@ class Transform:
         rows = self.matrix
         return np.array([rows[i, 0] * v[0] + rows[i, 1] * v[1] + rows[i, 2] * v[2] for i in range(3)]) + 0.0
 
+    def normals(self, n: Array) -> Array:
+        """Transform normals by the inverse transpose, (m, 3) -> (m, 3); lengths are not kept."""
+        rows = self.inverse
+        return n[:, :1] * rows[0, :3] + n[:, 1:2] * rows[1, :3] + n[:, 2:] * rows[2, :3] + 0.0
+
     @property
     def swaps_handedness(self) -> bool:
         """Whether it mirrors."""

@@ -36,7 +36,7 @@ _UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "textur
 class MeshFile:
     """vertices: (m, 3) float64. triangles: (t, 3), quads: (q, 4) int64, corners in order round the face.
 
-    normals: (m, 3), uv: (m, 2) float64, None where the file has none.
+    normals: (m, 3), NaN where not finite, uv: (m, 2) float64, None where the file has none.
     """
 
     vertices: NDArray[np.float64]
@@ -74,6 +74,8 @@ def _read(path: Path) -> MeshFile:
     if points is None:
         raise PlyError("has no vertices: they need the properties x, y and z")
     normals, uv = _columns(vertices, _NORMALS), _columns(vertices, *_UV)
+    if normals is not None:  # a face with such a corner is shaded by its own normal
+        normals = np.where(np.isfinite(normals), normals, np.nan)
     return _checked(MeshFile(points, *_faces(faces), normals, uv))
 
 
@@ -154,7 +156,6 @@ def _columns(vertices: Rows, *choices: tuple[str, ...]) -> NDArray[np.float64] |
 def _checked(mesh: MeshFile) -> MeshFile:
     for values, name in (
         (mesh.vertices, "vertex"),
-        (mesh.normals, "normal"),
         (mesh.uv, "texture coordinate"),
     ):
         if values is not None and not np.all(np.isfinite(values)):

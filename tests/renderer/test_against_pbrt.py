@@ -41,6 +41,8 @@ CASES = [
     ("film-and-window", "mis"),
     ("thin-lens", "mis"),
     ("orthographic", "mis"),
+    ("smooth-normals", "mis"),
+    ("smooth-normals", "projected-solid-angle"),
     *((name, "mis") for name in GLASS),
 ]
 # pbrt's own picture of the bare sky reads 0.17 % less blue than the file says, and so does all that it
@@ -51,6 +53,7 @@ COLOUR = (
         "sky-and-sun": 2e-3,
         "asymmetric": 0.0,
         "film-and-window": 1e-3,
+        "smooth-normals": 1e-3,
         "thin-lens": 1e-3,
         "orthographic": 1e-3,
     }

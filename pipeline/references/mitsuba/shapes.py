@@ -28,6 +28,7 @@ from scenes.description.shapes import (
     Sphere,
     TriangleMesh,
     basis,
+    vertex_normals,
 )
 from scenes.description.textures import UVMapping
 from scenes.errors import SceneError
@@ -182,7 +183,13 @@ def triangles(geometry: Geometry, segments: int) -> tuple[Array, Faces]:
 
 def _mesh(shape: ShapeDescription, mesh: Mesh, frame: Frame, shift: float) -> Plugin:
     vertices, faces = triangles(mesh, 0)
-    vertices, uv = frame.points(vertices), None
+    vertices, uv, normals = frame.points(vertices), None, vertex_normals(mesh)
+    if normals is not None and shape.emission is not None:
+        raise SceneError("Mitsuba's emitters with vertex normals disagree with themselves", shape.where)
+    if normals is not None:
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        if not ((length > 0) & (length < np.inf)).all():
+            raise SceneError("Mitsuba needs vertex normals of a length, and one has none", shape.where)
     if is_textured(shape.material, shape.where):
         corners = mesh.triangle_uv()
         uv = (corners[:, ::-1] if mesh.reverse else corners).reshape(-1, 2)
@@ -192,8 +199,10 @@ def _mesh(shape: ShapeDescription, mesh: Mesh, frame: Frame, shift: float) -> Pl
             normals = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
             lengths = np.linalg.norm(normals, axis=1, keepdims=True)
             vertices = vertices + (shift * normals / np.where(lengths > 0, lengths, 1.0))[:, None]
+        normals = None if normals is None else normals[faces].reshape(-1, 3)
         vertices, faces = vertices.reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
-    return _plugin("mesh", shape, np.eye(3), {"vertices": vertices, "faces": faces, "uv": uv})
+    values = {"vertices": vertices, "faces": faces, "uv": uv, "normals": normals}
+    return _plugin("mesh", shape, np.eye(3), values)
 
 
 def _check_convex(mesh: BilinearMesh, shape: ShapeDescription) -> None:

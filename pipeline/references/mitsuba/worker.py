@@ -184,19 +184,29 @@ def _value(mi: Any, value: Any) -> Any:
 
 
 def _mesh(mi: Any, mesh: Plugin) -> Any:
-    """Flat normals: mesh emitters with vertex normals disagree with themselves."""
+    """A mesh; without vertex normals its faces are shaded by their own."""
     values = dict(mesh.values)
     vertices, faces, uv = values.pop("vertices"), values.pop("faces"), values.pop("uv", None)
+    normals = values.pop("normals", None)
     properties = mi.Properties("mesh")
-    properties["face_normals"] = True
+    properties["face_normals"] = normals is None
     for name, part in values.items():
         properties[name] = mi.load_dict(_value(mi, part))
-    made = mi.Mesh("mesh", len(vertices), len(faces), properties, has_vertex_texcoords=uv is not None)
+    made = mi.Mesh(
+        "mesh",
+        len(vertices),
+        len(faces),
+        properties,
+        has_vertex_normals=normals is not None,
+        has_vertex_texcoords=uv is not None,
+    )
     buffers = mi.traverse(made)
     buffers["vertex_positions"] = vertices.astype(np.float32).ravel()
     buffers["faces"] = faces.astype(np.uint32).ravel()
     if uv is not None:
         buffers["vertex_texcoords"] = uv.astype(np.float32).ravel()
+    if normals is not None:
+        buffers["vertex_normals"] = normals.astype(np.float32).ravel()
     buffers.update()
     return made
 

@@ -169,8 +169,13 @@ class _Writer:
 
     def _mesh(self, values: dict[str, Any]) -> dict[str, Any]:
         file = f"{self.stem}-{len(self.meshes) + 1}.ply"
-        self.meshes[file] = ply(values.pop("vertices"), values.pop("faces"), values.pop("uv", None))
-        return {"filename": file, "face_normals": True, **values}
+        self.meshes[file] = ply(
+            values.pop("vertices"),
+            values.pop("faces"),
+            values.pop("uv", None),
+            normals := values.pop("normals"),
+        )
+        return {"filename": file, "face_normals": normals is None, **values}
 
     def _metal(self, plugin: Plugin) -> Plugin:
         self.microfacets = True
@@ -212,9 +217,11 @@ def _indented(lines: list[str]) -> Iterator[str]:
     return (f"    {line}" for line in lines)
 
 
-def ply(vertices: Array, faces: Faces, uv: Array | None) -> bytes:
-    """Binary PLY in float32: vertices (m, 3), faces (t, 3), uv (m, 2) or None."""
-    names = ("x", "y", "z") if uv is None else ("x", "y", "z", "u", "v")
+def ply(vertices: Array, faces: Faces, uv: Array | None, normals: Array | None = None) -> bytes:
+    """Binary PLY in float32: vertices (m, 3), faces (t, 3), normals (m, 3) and uv (m, 2) or None."""
+    columns = {"xyz": vertices, "n": normals, "uv": uv}
+    given = {key: column for key, column in columns.items() if column is not None}
+    names = [name for key in given for name in (("nx", "ny", "nz") if key == "n" else key)]
     header = [
         "ply",
         "format binary_little_endian 1.0",
@@ -224,7 +231,7 @@ def ply(vertices: Array, faces: Faces, uv: Array | None) -> bytes:
         "property list uchar int vertex_indices",
         "end_header",
     ]
-    table = vertices if uv is None else np.concatenate([vertices, uv], axis=1)
+    table = np.concatenate(list(given.values()), axis=1)
     rows = np.zeros(len(faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
     rows["count"], rows["corners"] = 3, faces
     return "\n".join(header).encode() + b"\n" + table.astype("<f4").tobytes() + rows.tobytes()

@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.shapes import PATCH_UV, BilinearMesh, Emission, Geometry, Mesh, TriangleMesh
+from scenes.description.shapes import (
+    PATCH_UV,
+    BilinearMesh,
+    Emission,
+    Geometry,
+    Mesh,
+    TriangleMesh,
+    vertex_normals,
+)
 from scenes.errors import Location, Report
 from scenes.pbrt.directives.lights import RADIANCE_LIMIT
 from scenes.pbrt.spectra import LUMINANCE
@@ -88,6 +96,8 @@ def image_rectangles(geometry: Geometry) -> BilinearMesh | None:
     Each must show the whole image once: its corners have the coordinates 0 and 1, in whatever order. Of a
     triangle mesh, faces 0 and 1 are a rectangle, 2 and 3 the next. The side that emits stays.
     """
+    if vertex_normals(geometry) is not None:
+        return None
     if isinstance(geometry, BilinearMesh):
         uv, points = geometry.corner_uv(), geometry.vertices[geometry.faces]
     elif isinstance(geometry, TriangleMesh) and geometry.uv is not None and len(geometry.faces) % 2 == 0:

@@ -39,31 +39,28 @@ def triangle_mesh(parameters: Parameters, placement: Placement) -> list[Geometry
     """`Shape "trianglemesh"`."""
     vertices, faces = indexed(parameters, corners=3)
     uv = _uv(parameters, len(vertices))
-    normals = parameters.vectors("normal", "N")
+    given = parameters.vectors("normal", "N")
     parameters.vectors("vector3", "S")  # tangents; what is isotropic does not depend on them
     parameters.integers("faceIndices")  # for textures that are not supported
     world = placement.transform.points(vertices)
-    reverse = placement.turned
-    if normals is not None:
-        if len(normals) != len(vertices):
-            raise parameters.fail("N", f"{len(normals)} normals for {len(vertices)} points")
-        reverse = _side_of_normals(vertices, faces, normals, placement, parameters, "N")
-    return [TriangleMesh(world, faces, reverse, uv)]
+    if given is None:
+        return [TriangleMesh(world, faces, placement.turned, uv)]
+    if len(given) != len(vertices):
+        raise parameters.fail("N", f"{len(given)} normals for {len(vertices)} points")
+    reverse, normals = _sides_and_normals(vertices, faces, given, placement, parameters, "N")
+    return [TriangleMesh(world, faces, reverse, uv, normals)]
 
 
-def _side_of_normals(
+def _sides_and_normals(
     vertices: Array,
     faces: NDArray[np.int64],
     normals: Array,
     placement: Placement,
     parameters: Parameters,
     name: str,
-) -> bool:
+) -> tuple[bool, Array | None]:
     """Whether the faces' own normals must be turned round to lie on the side of the given ones, which decide
-    in pbrt.
-
-    Normals of the file shade smoothly in pbrt; that is reported, unless each is its face's own or that one's
-    opposite.
+    in pbrt; and the given ones in world space, None where each is its face's own or that one's opposite.
     """
     corners = vertices[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -75,13 +72,29 @@ def _side_of_normals(
     same = bool(np.abs(given - face[:, None]).max(initial=0.0) <= NORMAL_TOLERANCE)
     opposite = not same and bool(np.abs(given + face[:, None]).max(initial=0.0) <= NORMAL_TOLERANCE)
     if not (same or opposite):
-        parameters.unsupported(
-            name, "smooth shading is not supported: leave the normals out, and each face is shaded by its own"
-        )
+        placed = placement.transform.normals(normals) * (-1.0 if placement.reverse else 1.0)
+        if placement.light is None:
+            return placement.turned, placed
+        world = placement.transform.points(vertices)
+        return _emitting_side(world[faces], placed[faces], placement.turned, parameters, name), placed
     # The faces are turned by a mirror and the given normals by ReverseOrientation: with normals the order of
     # corners is of no effect.
     mirrored = placement.transform.swaps_handedness
-    return (placement.reverse != opposite) != mirrored if same or opposite else placement.turned
+    return (placement.reverse != opposite) != mirrored, None
+
+
+def _emitting_side(corners: Array, normals: Array, turned: bool, parameters: Parameters, name: str) -> bool:
+    """Whether an emitter's faces are turned round: pbrt emits on the side of the interpolated normal.
+
+    corners, normals: (t, 3, 3). turned: for faces whose normals do not tell. Faces that differ are reported.
+    """
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    along = np.einsum("tc,tkc->tk", cross, normals)
+    against, towards = (along < 0).any(axis=1), (along > 0).any(axis=1)
+    turns = np.where(against | towards, against, turned)
+    if (against & towards).any() or turns.any() != turns.all():
+        parameters.unsupported(name, "normals on both sides of an emitter's faces are not supported")
+    return bool(turns.any())
 
 
 def bilinear_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
@@ -157,15 +170,18 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
         raise
     except PenumbraError as error:
         raise parameters.fail("filename", str(error)) from None
-    turned = placement.turned
+    turned, normals = placement.turned, None
     if mesh.normals is not None:
         corners = np.concatenate([mesh.triangles, mesh.quads[:, :3], mesh.quads[:, [2, 3, 0]]])
-        turned = _side_of_normals(mesh.vertices, corners, mesh.normals, placement, parameters, "filename")
+        turned, normals = _sides_and_normals(
+            mesh.vertices, corners, mesh.normals, placement, parameters, "filename"
+        )
+        if normals is not None and len(mesh.quads):
+            parameters.unsupported("filename", "smooth shading of quadrilaterals is not supported")
     geometries: list[Geometry] = []
     if len(mesh.triangles):
-        geometries.append(
-            TriangleMesh(placement.transform.points(mesh.vertices), mesh.triangles, turned, mesh.uv)
-        )
+        world = placement.transform.points(mesh.vertices)
+        geometries.append(TriangleMesh(world, mesh.triangles, turned, mesh.uv, normals))
     if len(mesh.quads):  # corners go round the face in PLY, row by row in a patch
         geometries.append(
             _patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement, turned)

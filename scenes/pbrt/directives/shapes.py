@@ -15,8 +15,8 @@ from functools import singledispatch
 
 import numpy as np
 
-from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis
-from scenes.errors import Location, SceneError, Unsupported
+from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis, vertex_normals
+from scenes.errors import Location, PenumbraError, SceneError, Unsupported
 from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
@@ -182,7 +182,10 @@ def place(geometry: Geometry, transform: Transform, emits: bool = False) -> Geom
 @place.register
 def _(geometry: Mesh, transform: Transform, emits: bool = False) -> Mesh:
     reverse = geometry.reverse != transform.swaps_handedness
-    return replace(geometry, vertices=transform.points(geometry.vertices), reverse=reverse)
+    moved = replace(geometry, vertices=transform.points(geometry.vertices), reverse=reverse)
+    if isinstance(moved, TriangleMesh) and moved.normals is not None:
+        return replace(moved, normals=transform.normals(moved.normals))
+    return moved
 
 
 @place.register
@@ -230,6 +233,11 @@ def _(geometry: Mesh, emits: bool) -> list[str]:
     lines += block('"point3 P"', geometry.vertices.ravel().tolist())
     if geometry.uv is not None:
         lines += block('"point2 uv"', geometry.uv.ravel().tolist())
+    if (normals := vertex_normals(geometry)) is not None:
+        if not np.isfinite(normals).all():
+            raise PenumbraError("a vertex normal is not finite, and there is no text for it")
+        side = -1.0 if geometry.reverse else 1.0  # ReverseOrientation turns them too
+        lines += block('"normal N"', (side * normals + 0.0).ravel().tolist())
     return [*lines, *block('"integer indices"', geometry.faces.ravel().tolist())]
 
 

@@ -207,8 +207,11 @@ def test_faces_without_area_shed_no_light() -> None:
 '[ 0 1 3 ]'), len(TRIANGLE) + 26, ("index 3 is out of range", "3 points")),
         (TRIANGLE + ' "integer indices" [ 0 -1 2 ]', len(TRIANGLE) + 24, ("index -1",)),
         (TRIANGLE + ' "integer indices" [ 0 1.5 2 ]', len(TRIANGLE) + 24, ("whole number",)),
-        (TRIANGLE + ' "normal N" [ 0 0 1 0 .1 1 0 0 1 ]', len(TRIANGLE) + 2, ("smooth shading",)),
-        (TRIANGLE + ' "normal N" [ 0 0 1 0 0 -1 0 0 1 ]', len(TRIANGLE) + 2, ("smooth shading",)),
+        (
+            'AreaLightSource "diffuse" ' + TRIANGLE + ' "normal N" [ 0 0 1 0 0 -1 0 0 1 ]',
+            len(TRIANGLE) + 28,
+            ("both sides",),
+        ),
         (TRIANGLE + ' "normal N" [ 0 0 1 ]', len(TRIANGLE) + 2, ("1 normals for 3 points",)),
         (PATCH + ' "normal N" [ 0 0 1 0 0 1 0 0 1 0 0 1 ]', len(PATCH) + 2, ("normals of a bilinearmesh",)),
         (TRIANGLE + ' "texture alpha" "holes"', len(TRIANGLE) + 2, ("alpha",)),

@@ -1,0 +1,75 @@
+"""Shading normals of points on triangles with vertex normals, as pbrt-v4 interpolates them.
+
+The interpolated normal is an affine function of the point on its face, made unit [pharr2023, sec. 6.5.2].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.geometry.primitives import is_analytic
+from renderer.geometry.uv import affine
+from renderer.math.vectors import Floats, dot
+from scenes.description.shapes import Mesh, ShapeDescription, TriangleMesh, vertex_normals
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingNormals:
+    """Of the t triangles and the k analytic primitives of a scene, in their order.
+
+    origin: (3, m) and along: (3, 3, m) for m faces, the normal is origin + along . p before it is made unit.
+    of_triangle: (t,) and of_primitive: (k,) the face of each, -1 for those shaded by their geometric normal.
+    """
+
+    origin: Floats
+    along: Floats
+    of_triangle: NDArray[np.int64]
+    of_primitive: NDArray[np.int64]
+
+    def at(
+        self, p: Floats, n: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
+    ) -> tuple[Floats, NDArray[np.bool_]]:
+        """Unit shading normals (3, n) at points p (3, n), and whether they are vertex normals' (n,).
+
+        n: (3, n) the geometric normals, which stand in for interpolated ones of no length or no number.
+        """
+        face = np.full(triangle.size, -1, dtype=np.int64)
+        for table, row in ((self.of_triangle, triangle), (self.of_primitive, primitive)):
+            if table.size:
+                face = np.where(row >= 0, table[row], face)
+        out, own = n.copy(), np.zeros(face.size, dtype=np.bool_)
+        rows = np.flatnonzero(face >= 0)
+        mine, face = p.take(rows, axis=1), face[rows]
+        value = self.origin.take(face, axis=1)
+        value += np.stack([dot(axis.take(face, axis=1), mine) for axis in self.along])
+        square = dot(value, value)
+        own[rows] = some = (square > 0) & (square < np.inf)
+        out[:, rows[some]] = value[:, some] / np.sqrt(square[some])
+        return out, own
+
+
+def shading_normals(shapes: Sequence[ShapeDescription]) -> ShadingNormals | None:
+    """Of a scene in which some shape has vertex normals, else None."""
+    if all(vertex_normals(s.geometry) is None for s in shapes):
+        return None
+    corners: list[Floats] = []
+    values: list[Floats] = []
+    tables: tuple[list[NDArray[np.int64]], list[NDArray[np.int64]]] = ([], [])
+    first = 0
+    for s in shapes:
+        g, normals, analytic = s.geometry, vertex_normals(s.geometry), is_analytic(s)
+        count = 1 if not isinstance(g, Mesh) else len(g.faces if analytic else g.triangulated().faces)
+        own = np.full(count, -1, dtype=np.int64)
+        if isinstance(g, TriangleMesh) and normals is not None:
+            corners.append(g.vertices[g.faces])
+            values.append(normals[g.faces])
+            own = np.arange(first, first + count)
+            first += count
+        tables[analytic].append(own)
+    origin, along = affine(np.concatenate(corners), np.concatenate(values))
+    none = np.zeros(0, dtype=np.int64)
+    return ShadingNormals(origin, along, *(np.concatenate([none, *table]) for table in tables))
