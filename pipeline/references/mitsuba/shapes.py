@@ -201,7 +201,7 @@ def _mesh(shape: ShapeDescription, mesh: Mesh, frame: Frame, shift: float) -> Pl
             vertices = vertices + (shift * normals / np.where(lengths > 0, lengths, 1.0))[:, None]
         normals = None if normals is None else normals[faces].reshape(-1, 3)
         vertices, faces = vertices.reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
-    values = {"vertices": vertices, "faces": faces, "uv": uv, "normals": normals}
+    values: dict[str, object] = {"vertices": vertices, "faces": faces, "uv": uv, "normals": normals}
     return _plugin("mesh", shape, np.eye(3), values)
 
 
