@@ -19,8 +19,8 @@ class SurfaceHit:
     triangle, primitive: (n,) int64, the triangle or analytic primitive that the point lies on, -1 for none.
     uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures. front: (n,), or (1,) for all,
     whether wo lies on the side that the surface's orientation calls its outside. tangent: (3, n) dp/du of any
-    length, 0 where the surface has none; (3, 1) zeros in a scene of isotropic materials. shading_n: (3, n) unit shading
-    normals on the side of wo, None where every surface is shaded by its geometric normal.
+    length, 0 where the surface has none; (3, 1) zeros in a scene of isotropic materials. shading_n:
+    (3, n) unit shading normals on the side of wo, None where every surface is shaded by its geometric normal.
     """
 
     p: Floats
