@@ -142,5 +142,5 @@ def test_the_normal_of_each_corner_of_a_quadrilateral_counts(tmp_path: Path, cor
     normals = [(0.0, 0.0, 1.0)] * 4
     assert len(parse_file(quads_with_normals(tmp_path, *normals)).shapes) == 1
     normals[corner] = (0.0, 0.6, 0.8)
-    with pytest.raises(SceneError, match=r"s\.pbrt:7:17: smooth shading is not supported"):
+    with pytest.raises(SceneError, match=r"s\.pbrt:7:17: smooth shading of quadrilaterals is not supported"):
         parse_file(quads_with_normals(tmp_path, *normals))
