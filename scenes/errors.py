@@ -135,5 +135,7 @@ def _one_line(text: str) -> str:
     text = (
         text if len(text) <= 1200 else text[:600] + text[-600:]
     )  # before it is gone through; more is not shown
-    printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    printable = text
+    if not text.isprintable():
+        printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     return printable if len(printable) <= 600 else f"{printable[:295]} ... {printable[-300:]}"
