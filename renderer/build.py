@@ -75,8 +75,8 @@ class RenderScene:
     emissive_triangles: the triangles that emit alone; None where none does.
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
-    varies. shading_normals: None without vertex
-    normals. material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each.
+    varies. shading_normals: None without vertex normals.
+    material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each.
     contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
     world units, beyond everything from any point of the scene.
     seconds_build: wall clock.

@@ -76,14 +76,14 @@ def _sides_and_normals(
         if placement.light is None:
             return placement.turned, placed
         world = placement.transform.points(vertices)
-        return _emitting_side(world[faces], placed[faces], placement.turned, parameters, name), placed
+        return emitting_side(world[faces], placed[faces], placement.turned, parameters, name), placed
     # The faces are turned by a mirror and the given normals by ReverseOrientation: with normals the order of
     # corners is of no effect.
     mirrored = placement.transform.swaps_handedness
     return (placement.reverse != opposite) != mirrored, None
 
 
-def _emitting_side(corners: Array, normals: Array, turned: bool, parameters: Parameters, name: str) -> bool:
+def emitting_side(corners: Array, normals: Array, turned: bool, parameters: Parameters, name: str) -> bool:
     """Whether an emitter's faces are turned round: pbrt emits on the side of the interpolated normal.
 
     corners, normals: (t, 3, 3). turned: for faces whose normals do not tell. Faces that differ are reported.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scenes.description.shapes import Array, Faces, Geometry, TriangleMesh
 from scenes.errors import SceneError
-from scenes.pbrt.directives.meshes import Placement, indexed
+from scenes.pbrt.directives.meshes import Placement, emitting_side, indexed
 from scenes.pbrt.text.parameters import Parameters
 
 TRIANGLE_LIMIT = 2**24  # a few GB
@@ -51,14 +51,15 @@ def loop_subdivision(parameters: Parameters, placement: Placement) -> list[Geome
             "levels", f"{len(faces)} faces at level {levels} are more than {TRIANGLE_LIMIT} triangles"
         )
     try:
-        vertices, faces, _ = subdivide(vertices, faces, levels)
+        vertices, faces, normals = subdivide(vertices, faces, levels)
     except ValueError as error:
         raise SceneError(f"loopsubdiv: {error}", parameters.where) from None
-    parameters.note(
-        "levels", "each triangle of loopsubdiv is shaded by its own normal; pbrt's image shades smoothly"
-    )
     # The cross product of pbrt's tangents is opposite to the faces' own normal, and decides.
-    return [TriangleMesh(placement.transform.points(vertices), faces, not placement.turned)]
+    world, turned = placement.transform.points(vertices), not placement.turned
+    normals = placement.transform.normals(normals) * (-1.0 if placement.reverse else 1.0)
+    if placement.light is not None:
+        turned = emitting_side(world[faces], normals[faces], turned, parameters, "levels")
+    return [TriangleMesh(world, faces, turned, normals=normals)]
 
 
 def subdivide(vertices: Array, faces: Faces, levels: int) -> tuple[Array, Faces, Array]:

@@ -171,6 +171,8 @@ def test_the_side_of_pbrt_s_limit_normals_decides(state: str, outwards: bool) ->
     assert isinstance(mesh, TriangleMesh)
     volume = np.linalg.det(mesh.vertices[mesh.faces]).sum() / 6
     assert bool((volume > 0) != mesh.reverse) is outwards
+    assert mesh.normals is not None
+    assert np.all((mesh.normals * mesh.vertices).sum(axis=1) * (1 if outwards else -1) > 0)
     assert len(mesh.faces) == 32
 
 
