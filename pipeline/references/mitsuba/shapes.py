@@ -196,9 +196,9 @@ def _mesh(shape: ShapeDescription, mesh: Mesh, frame: Frame, shift: float) -> Pl
     if uv is not None or shift:  # every face on its own
         vertices = vertices[faces]
         if shift:
-            normals = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
-            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-            vertices = vertices + (shift * normals / np.where(lengths > 0, lengths, 1.0))[:, None]
+            across = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
+            lengths = np.linalg.norm(across, axis=1, keepdims=True)
+            vertices = vertices + (shift * across / np.where(lengths > 0, lengths, 1.0))[:, None]
         normals = None if normals is None else normals[faces].reshape(-1, 3)
         vertices, faces = vertices.reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
     values: dict[str, object] = {"vertices": vertices, "faces": faces, "uv": uv, "normals": normals}
