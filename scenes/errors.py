@@ -78,7 +78,7 @@ class Report:
         if self._substitute:
             self._substitutions.setdefault(_one_line(f"{what}: rendered {nearest}"), {})[where] = None
         else:
-            self.add(f"{what} is not supported; substitute=True renders it {nearest}", where)
+            self.add(f"{what} is not supported; --substitute renders it {nearest}", where)
 
     def substitutions(self) -> tuple[str, ...]:
         """One line for each kind of substitution, as for notes."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName
+from pipeline.console.options import AsJson, Define, Quiet, SceneName, Strict, Substitute
 from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
@@ -43,6 +43,8 @@ def agreement(
         typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
     ] = None,
     define: Define = None,
+    strict: Strict = False,
+    substitute: Substitute = False,
     threads: Annotated[int, typer.Option(help="Threads; the images are the same for any number.")] = 1,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -65,7 +67,7 @@ def agreement(
         raise PenumbraError(f"--alpha is {alpha:g}: give a chance between 0 and 1")
     if threads < 1:
         raise PenumbraError(f"threads is {threads}: give at least 1")
-    description = open_scene(scene, define, console)
+    description = open_scene(scene, define, console, strict, substitute)
     truth = None if backend == NONE else _reference(description, backend, reference_spp, cache, console)
     with console.step(f"render {scene}", len(estimator or ESTIMATORS.names())) as update:
         found = agree(

@@ -7,7 +7,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Output, Quiet, SceneName, image_target
+from pipeline.console.options import (
+    AsJson,
+    Define,
+    Output,
+    Quiet,
+    SceneName,
+    Strict,
+    Substitute,
+    image_target,
+)
 from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
@@ -21,6 +30,8 @@ def baseline(
     scene: SceneName,
     output: Output,
     define: Define = None,
+    strict: Strict = False,
+    substitute: Substitute = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -41,7 +52,7 @@ def baseline(
     from pipeline.console.console import Console
 
     console = Console(as_json=as_json, quiet=quiet)
-    target, description = image_target(output), open_scene(scene, define, console)
+    target, description = image_target(output), open_scene(scene, define, console, strict, substitute)
     with console.step(f"rasterise {scene}", 1) as update:
         (drawn,) = rasterise([description])
         update(1)

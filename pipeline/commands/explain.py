@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName
+from pipeline.console.options import AsJson, Define, Quiet, SceneName, Strict, Substitute
 from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ ALL = "all of it"
 def explain(
     scene: SceneName,
     define: Define = None,
+    strict: Strict = False,
+    substitute: Substitute = False,
     measure: Annotated[
         bool, typer.Option("--measure", help="Render with and without each pruning and compare.")
     ] = False,
@@ -50,7 +52,7 @@ def explain(
     from renderer.plan.plan import make_plan
 
     console = Console(as_json=as_json, quiet=quiet)
-    built = build(open_scene(scene, define, console))
+    built = build(open_scene(scene, define, console, strict, substitute))
     decisions = make_plan(built).decisions
     idle = list(dict.fromkeys(d.pruning for d in decisions if not d.needed))
     found = _measure(built, idle, estimator, spp, console) if measure else {}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import Define, SceneName, definitions
+from pipeline.console.options import Define, SceneName, Strict, Substitute, definitions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,6 +33,8 @@ def export(
     scene: SceneName,
     to: Annotated[Target, typer.Option("--to", help="Whose format.")] = Target.PBRT,
     define: Define = None,
+    strict: Strict = False,
+    substitute: Substitute = False,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -58,7 +60,7 @@ def export(
 
     if output is not None and not output.parent.is_dir():
         raise PenumbraError(f"{output}: there is no folder {output.parent}")
-    loaded = load(scene, definitions(define))
+    loaded = load(scene, definitions(define), strict=strict, substitute=substitute)
     text, images, meshes, notes = _exported(loaded, to, output.stem if output else "scene")
     if output is None and (images or meshes):
         raise PenumbraError(

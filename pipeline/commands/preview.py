@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName, image_target
+from pipeline.console.options import AsJson, Define, Quiet, SceneName, Strict, Substitute, image_target
 from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ def preview(
     spp: Annotated[int, typer.Option(help="Samples of the pixel that are shown.")] = 32,
     seed: Annotated[int, typer.Option(help="0 or more.")] = 0,
     define: Define = None,
+    strict: Strict = False,
+    substitute: Substitute = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -62,7 +64,7 @@ def preview(
     target = image_target(output)
     if target.suffix != ".png":
         raise PenumbraError(f"{target}: a preview is a .png")
-    description = open_scene(scene, define, console)
+    description = open_scene(scene, define, console, strict, substitute)
     place = _pixel(pixel, description)
     require_extra("preview")
     how = off_screen()

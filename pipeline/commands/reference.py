@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName, image_target
+from pipeline.console.options import AsJson, Define, Quiet, SceneName, Strict, image_target
 from pipeline.console.scene import open_scene
 from pipeline.references import default_cache
 
@@ -55,6 +55,7 @@ def reference(
         typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
     ] = None,
     define: Define = None,
+    strict: Strict = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -74,7 +75,7 @@ def reference(
     from pipeline.console.console import Console
 
     console = Console(as_json=as_json, quiet=quiet)
-    target, description = image_target(output) if output else None, open_scene(scene, define, console)
+    target, description = image_target(output) if output else None, open_scene(scene, define, console, strict)
     request = _request(description, spp, target_se, batches, seed, quantity)
     stored = _make(console, scene, description, backend, request, cache or default_cache())
     if target:

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Output, Quiet, SceneName, image_target
+from pipeline.console.options import (
+    AsJson,
+    Define,
+    Output,
+    Quiet,
+    SceneName,
+    Strict,
+    Substitute,
+    image_target,
+)
 from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
@@ -16,6 +25,7 @@ if TYPE_CHECKING:
     from pipeline.console.console import Console
     from pipeline.run.job import JobResult
     from pipeline.schema.record import Job
+    from scenes import SceneDescription
 
 
 @command(40, ("render soft-shadow -o out.exr --estimator solid-angle --spp 64", ""))
@@ -32,6 +42,8 @@ def render(
     spp: Annotated[int | None, typer.Option(help="Samples a pixel; the scene's if not given.")] = None,
     seed: Annotated[int | None, typer.Option(help="0 or more; the scene's if not given.")] = None,
     define: Define = None,
+    strict: Strict = False,
+    substitute: Substitute = False,
     threads: Annotated[int, typer.Option(help="Threads; the image is the same for any number.")] = 1,
     prune: Annotated[
         bool, typer.Option(help="Leave out what the scene does not call for (see `explain`).")
@@ -52,7 +64,7 @@ def render(
     from pipeline.schema.record import Job
 
     console = Console(as_json=as_json, quiet=quiet)
-    target, description = image_target(output), open_scene(scene, define, console)
+    target, description = image_target(output), open_scene(scene, define, console, strict, substitute)
     given = description.defaults
     estimator = estimator or given.estimator or "mis"
     sampler = given.sampler if sampler is None else sampler
@@ -70,7 +82,7 @@ def render(
         built = build_scene(ReadScene(description, description.content_hash(), 0.0))
         done = run_job(job, built, prune=prune, threads=threads, progress=update)
     _write(target, done)
-    _tell(console, target, done)
+    _tell(console, target, done, description)
 
 
 def _write(target: Path, done: JobResult) -> None:
@@ -99,7 +111,7 @@ def _independent(job: Job) -> bool:
     return SAMPLERS[job.sampler].independent
 
 
-def _tell(console: Console, target: Path, done: JobResult) -> None:
+def _tell(console: Console, target: Path, done: JobResult, scene: SceneDescription) -> None:
     record, result = done.record, done.render
     job, found = record.job, record.statistics
     seconds = result.seconds
@@ -123,6 +135,8 @@ def _tell(console: Console, target: Path, done: JobResult) -> None:
             },
             "rays": {"primary": result.rays.primary, "shadow": result.rays.shadow},
             "statistics": found.model_dump(),
+            "notes": scene.notes,
+            "substitutions": scene.substitutions,
             "plan": [item.model_dump() for item in record.plan],
         }
     )

@@ -21,6 +21,15 @@ Define = Annotated[
         "-D", "--define", metavar="NAME=VALUE", help="Set a parameter of the scene; may be repeated."
     ),
 ]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Refuse a scene whose image would not be the one that pbrt makes.")
+]
+Substitute = Annotated[
+    bool,
+    typer.Option(
+        "--substitute", help="Render what is not simulated as the nearest that is, and list it on stderr."
+    ),
+]
 Output = Annotated[
     Path, typer.Option("-o", "--output", metavar="FILE", help="Where to write: .exr, or .png to look at.")
 ]

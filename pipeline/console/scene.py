@@ -12,15 +12,21 @@ if TYPE_CHECKING:  # not at the start: `penumbra --help` must not wait for rich 
     from scenes import SceneDescription
 
 
-def open_scene(name: str, define: Sequence[str] | None, console: Console) -> SceneDescription:
+def open_scene(
+    name: str,
+    define: Sequence[str] | None,
+    console: Console,
+    strict: bool = False,
+    substitute: bool = False,
+) -> SceneDescription:
     """A scene with its parameters set by `-D`; where its picture is not the one that pbrt makes, a note on
     stderr says so.
 
-    PenumbraError as `scenes.load` raises it.
+    strict, substitute: as for `scenes.load`, which raises PenumbraError.
     """
     from scenes import load
 
-    scene = load(name, definitions(define))
+    scene = load(name, definitions(define), strict=strict, substitute=substitute)
     for note in (*scene.notes, *scene.substitutions):
         console.note(f"{name}: {note}")
     return scene

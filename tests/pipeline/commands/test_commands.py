@@ -257,3 +257,44 @@ def test_compare_fails_beyond_a_limit(penumbra: Penumbra, tmp_path: Path, limit:
     got, _, err = penumbra("compare", *images(tmp_path, 0.1), "--limit", limit, "--metric", "mse")
     assert got == code
     assert ("is worse than the limit" in err) is bool(code)
+
+
+FOG = (
+    'Camera "perspective"\n'
+    'Film "rgb" "integer xresolution" 4 "integer yresolution" 3 "string filename" "a.exr"\n'
+    'Integrator "volpath" "integer maxdepth" 1\n'
+    'MakeNamedMedium "fog" "string type" "homogeneous"\nWorldBegin\n'
+    'LightSource "infinite"\nMediumInterface "fog" ""\nMaterial "interface"\nShape "sphere"\n'
+)
+
+
+@pytest.mark.parametrize("command", ["render", "explain", "agreement", "export"])
+def test_a_medium_is_refused_or_rendered_as_empty_space_on_demand(
+    penumbra: Penumbra, tmp_path: Path, command: str
+) -> None:
+    (tmp_path / "fog.pbrt").write_text(FOG)
+    more = ["-o", tmp_path / "a.exr"] if command == "render" else []
+    line = [command, tmp_path / "fog.pbrt", *more]
+    code, _, err = penumbra(*line)
+    assert code == 2
+    assert 'fog.pbrt:7:1: medium "fog" is not supported; --substitute renders it as empty space' in err
+    code, _, err = penumbra(*line, "--substitute")
+    assert code == 0, err
+    assert 'medium "fog": rendered as empty space' in err
+
+
+def test_what_was_substituted_is_in_the_answer(penumbra: Penumbra, tmp_path: Path) -> None:
+    (tmp_path / "fog.pbrt").write_text(FOG)
+    found = answer(penumbra, "render", tmp_path / "fog.pbrt", "--substitute", "-o", tmp_path / "a.exr")
+    (line,) = found["substitutions"]
+    assert line.startswith('medium "fog": rendered as empty space')
+
+
+def test_strict_refuses_what_a_note_would_do_for(penumbra: Penumbra, tmp_path: Path) -> None:
+    deep = FOG.replace('maxdepth" 1', "maxdepth" + '" 7').replace('MediumInterface "fog" ""\n', "")
+    (tmp_path / "deep.pbrt").write_text(deep)
+    line = ["explain", tmp_path / "deep.pbrt"]
+    code, _, err = penumbra(*line)
+    assert code == 0 and "maxdepth is 7" in err
+    code, _, err = penumbra(*line, "--strict")
+    assert code == 2 and "deep.pbrt:3:" in err and "maxdepth is 7" in err

@@ -70,7 +70,7 @@ MEDIA = [
 @pytest.mark.parametrize("shapes", MEDIA)
 def test_a_medium_is_refused_or_rendered_as_empty_space(shapes: str, tmp_path: Path) -> None:
     text = VOLUME + LIGHT + FLOOR + shapes
-    with pytest.raises(SceneError, match='medium "fog" is not supported; substitute'):
+    with pytest.raises(SceneError, match='medium "fog" is not supported; --substitute renders'):
         parse(text)
     scene = parse(text, substitute=True)
     assert len(scene.substitutions) == 1 and 'medium "fog": rendered as empty' in scene.substitutions[0]
