@@ -299,13 +299,13 @@ def span(values: Sequence[float]) -> Span:
 
 
 def layout(x_title: str, x: Span, y_title: str, y: Span) -> dict[str, Any]:
-    """A plotly layout: the legend to the right of the frame."""
+    """A plotly layout: the legend to the right of the frame, both below the bar of tools."""
     return {
         "template": "none",
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "#ffffff",
-        "margin": {"l": 78, "r": 16, "t": 14, "b": 62},
+        "margin": {"l": 78, "r": 16, "t": 36, "b": 62},
         "hoverlabel": {
             "bgcolor": "#ffffff",
             "bordercolor": "#b9bfc4",
