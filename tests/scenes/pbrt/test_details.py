@@ -18,7 +18,7 @@ from scenes.ply.header import parse_header
 from scenes.ply.mesh import read_ply
 from tests.kit.ply_files import CORNERS, Table, ply_bytes, written
 from tests.kit.scene_texts import HEAD, PATCH, world, world_fails
-from tests.scenes.pbrt.test_textures import texture_of
+from tests.scenes.pbrt.directives.test_textures import texture_of
 
 # Linear P3 (D65) to linear sRGB, as published, to four digits.
 P3_TO_SRGB = np.array([[1.2249, -0.2249, 0.0], [-0.0421, 1.0421, 0.0], [-0.0196, -0.0786, 1.0983]])

@@ -11,7 +11,7 @@ import pytest
 
 from scenes.description.textures import ImageTexture, Mix
 from scenes.images.exr import write_exr
-from tests.scenes.pbrt.test_textures import image_of, srgb, texture_of, write_image
+from tests.scenes.pbrt.directives.test_textures import image_of, srgb, texture_of, write_image
 
 MOST_HALF = 65504.0  # IEEE 754: (2 - 2**-10) 2**15
 

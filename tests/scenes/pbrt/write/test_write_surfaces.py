@@ -24,7 +24,7 @@ from scenes.pbrt.transforms import unit
 from scenes.pbrt.write.scene import export, to_pbrt
 from tests.kit.exported import written
 from tests.kit.scene_texts import HEAD, TRIANGLE, world
-from tests.scenes.pbrt.test_write import Random
+from tests.scenes.pbrt.write.test_write import Random
 
 Array = NDArray[np.float64]
 

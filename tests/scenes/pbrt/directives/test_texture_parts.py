@@ -13,7 +13,7 @@ from renderer.textures import evaluate
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product
 from scenes.images.exr import write_exr
 from tests.kit.scene_texts import world_fails
-from tests.scenes.pbrt.test_textures import BYTES, constant, texture_of, write_image
+from tests.scenes.pbrt.directives.test_textures import BYTES, constant, texture_of, write_image
 
 
 def test_attributes_of_one_name_and_several_types() -> None:

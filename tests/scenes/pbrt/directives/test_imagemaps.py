@@ -16,7 +16,7 @@ from scenes.errors import SceneError
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse_file
 from tests.kit.scene_texts import HEAD, TRIANGLE
-from tests.scenes.pbrt.test_textures import BYTES, image_of, srgb, texture_of, write_image
+from tests.scenes.pbrt.directives.test_textures import BYTES, image_of, srgb, texture_of, write_image
 
 
 def lanczos_rows(rows: np.ndarray, new: int) -> np.ndarray:
