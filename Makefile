@@ -52,7 +52,7 @@ env-dev: .venv/.synced-dev
 	@touch $@
 
 .venv/.synced-dev: pyproject.toml uv.lock | $(UV)
-	@{ $(SYSTEM_PARTS) run && $(UV) sync --frozen --extra all; } || { $(PYTHON_HINT) }
+	@{ $(SYSTEM_PARTS) dev && $(UV) sync --frozen --extra all; } || { $(PYTHON_HINT) }
 	@touch .venv/.synced $@
 
 SYSTEM_PARTS = $(UV) run --quiet --no-project python tests/system_parts.py

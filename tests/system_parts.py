@@ -1,9 +1,9 @@
 """What Penumbra and its tests need of the machine beyond Python: found by trying it, installed with apt where
 that is possible.
 
-`python tests/system_parts.py run` sees to what the program needs and fails where it stays missing; `... test`
-sees to what some tests need, which are skipped where it stays missing. conftest.py imports this for the
-reason of the skip.
+`python tests/system_parts.py run` sees to what the program needs and `... dev` to what the tools of the tests
+need besides; both fail where it stays missing. `... test` sees to what some tests need, which are skipped
+where it stays missing. conftest.py imports this for the reason of the skip.
 """
 
 from __future__ import annotations
@@ -73,9 +73,10 @@ class Part:
         return f"{self.title} is missing: sudo apt-get install {self.package}"
 
 
-RUN = (
+RUN = (Part("libatomic (Mitsuba's wheel links it)", "libatomic1", lambda: _loads("libatomic.so.1")),)
+DEV = (
+    *RUN,
     Part("a C++ compiler (simpleimageio comes as source)", "g++", lambda: shutil.which("c++") is not None),
-    Part("libatomic (Mitsuba's wheel links it)", "libatomic1", lambda: _loads("libatomic.so.1")),
 )
 
 TEST = {  # by the marker of the tests that need it
@@ -98,7 +99,8 @@ def _install(packages: list[str]) -> None:
 
 def main(what: str) -> int:
     """Install what is missing, where root and apt allow it, and say what still is."""
-    missing = [part for part in (RUN if what == "run" else TEST.values()) if not part.works()]
+    needed = {"run": RUN, "dev": DEV, "test": tuple(TEST.values())}[what]
+    missing = [part for part in needed if not part.works()]
     if missing and os.geteuid() == 0 and shutil.which("apt-get"):
         print(
             f"installing with apt: {' '.join(part.package for part in missing)}", file=sys.stderr, flush=True
@@ -107,10 +109,10 @@ def main(what: str) -> int:
     missing = [part for part in missing if not part.works()]
     for part in missing:
         print(
-            part.missing() + ("" if what == "run" else "  (until then its tests are skipped)"),
+            part.missing() + ("  (until then its tests are skipped)" if what == "test" else ""),
             file=sys.stderr,
         )
-    return 1 if missing and what == "run" else 0
+    return 1 if missing and what != "test" else 0
 
 
 if __name__ == "__main__":
