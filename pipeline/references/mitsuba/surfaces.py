@@ -39,7 +39,7 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
     SceneError where its textures have no counterpart.
     """
     if isinstance(material, Microfacets) and material.alpha_v is not None:
-        raise SceneError("anisotropic roughness cannot be given to Mitsuba: its frames are not pbrt's", where)
+        raise SceneError("anisotropic roughness is not handed to Mitsuba", where)
     if isinstance(material, Dielectric):
         return _dielectric(material, where)
     if isinstance(material, Conductor) and material.alpha == 0:
