@@ -7,7 +7,7 @@ thousand times narrower one way still.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -309,3 +309,18 @@ def test_points_of_other_materials_are_black(kind, shape):
         value = material.evaluate(hits(direction(theta, 0.7), i), direction(-theta[::-1], 0.8))
         assert value.any() == kind.accepts(one)
         assert not kind.accepts(one) or kind.lobes(one)
+
+
+@pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
+@pytest.mark.parametrize("theta", VIEWS)
+def test_a_surface_scatters_about_its_shading_normal_alone(kind, shape, theta: float):
+    """To the bit as a surface whose geometric normal is the shading normal, wherever its own one points."""
+    material = made(kind, shape)
+    flat = seen_from(theta, 64)
+    leaning = replace(flat, n=np.repeat(frame_about(NORMAL)[0], 64, axis=1), shading_n=flat.n)
+    u = np.random.default_rng(7).random((2, 64))
+    wi = direction(np.linspace(0.01, np.pi - 0.01, 64), np.linspace(0.0, 6.0, 64))
+    assert np.array_equal(material.evaluate(leaning, wi), material.evaluate(flat, wi))
+    assert np.array_equal(material.pdf(leaning, wi), material.pdf(flat, wi))
+    found, expected = material.sample(leaning, u), material.sample(flat, u)
+    assert np.array_equal(found.wi, expected.wi) and np.array_equal(found.pdf, expected.pdf)
