@@ -192,8 +192,8 @@ def test_long_nonsense_is_refused_in_time(text: str) -> None:
     start = time.process_time()
     with pytest.raises(PenumbraError) as caught:
         parse(text)
-    assert (
-        time.process_time() - start < 3
-    )  # linear: a tenth of that here; a quadratic step would take minutes
+    # Linear work takes a few seconds at most, nine tenths of them the run-time checks of types; a quadratic
+    # step would take minutes.
+    assert time.process_time() - start < 20
     assert all(len(line) < 1000 and line.isprintable() for line in str(caught.value).splitlines())
     assert len(str(caught.value).splitlines()) <= KINDS + 2
