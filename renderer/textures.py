@@ -7,55 +7,80 @@ There is no prefiltering: what varies within a pixel is averaged by the pixel's 
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
-from scenes.description.textures import Checkerboard, Mix, Product, Texture, UVMapping
+from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 
 Integers = NDArray[np.int64]
 
 
+@singledispatch
 def evaluate(texture: Texture, uv: Floats) -> Floats:
     """The values (3, n) of a texture at uv (2, n)."""
-    if isinstance(texture, np.ndarray):
-        return np.repeat(texture.astype(np.float64)[:, None], uv.shape[1], axis=1)
-    if isinstance(texture, Product):
-        return evaluate(texture.first, uv) * evaluate(texture.second, uv)
-    if isinstance(texture, Mix):
-        amount = evaluate(texture.amount, uv)
-        return (1.0 - amount) * evaluate(texture.first, uv) + amount * evaluate(texture.second, uv)
-    if isinstance(texture, Checkerboard):
-        s, t = _mapped(texture.mapping, uv)
-        even = (np.floor(s) + np.floor(t)) % 2 == 0
-        return np.where(even, evaluate(texture.first, uv), evaluate(texture.second, uv))
+    raise TypeError(f"no values of a {type(texture).__name__} are known")
+
+
+@evaluate.register
+def _(texture: np.ndarray, uv: Floats) -> Floats:
+    return np.repeat(texture.astype(np.float64)[:, None], uv.shape[1], axis=1)
+
+
+@evaluate.register
+def _(texture: Product, uv: Floats) -> Floats:
+    return evaluate(texture.first, uv) * evaluate(texture.second, uv)
+
+
+@evaluate.register
+def _(texture: Mix, uv: Floats) -> Floats:
+    amount = evaluate(texture.amount, uv)
+    return (1.0 - amount) * evaluate(texture.first, uv) + amount * evaluate(texture.second, uv)
+
+
+@evaluate.register
+def _(texture: Checkerboard, uv: Floats) -> Floats:
+    s, t = _mapped(texture.mapping, uv)
+    even = (np.floor(s) + np.floor(t)) % 2 == 0
+    return np.where(even, evaluate(texture.first, uv), evaluate(texture.second, uv))
+
+
+@evaluate.register
+def _(texture: ImageTexture, uv: Floats) -> Floats:
     s, t = _mapped(texture.mapping, uv)
     look = bilinear if texture.filter == "bilinear" else nearest
     return texture.value(look(texture.image, np.stack([s, 1.0 - t]), texture.wrap))
 
 
+@singledispatch
 def brightest(texture: Texture) -> Floats:
     """(3,) no value of the texture is above this."""
-    if isinstance(texture, np.ndarray):
-        return texture
-    if isinstance(texture, Product):
-        return brightest(texture.first) * brightest(texture.second)
-    if isinstance(texture, Checkerboard | Mix):
-        return np.maximum(brightest(texture.first), brightest(texture.second))
+    raise TypeError(f"no bound of a {type(texture).__name__} is known")
+
+
+@brightest.register
+def _(texture: np.ndarray) -> Floats:
+    return texture
+
+
+@brightest.register
+def _(texture: Product) -> Floats:
+    return brightest(texture.first) * brightest(texture.second)
+
+
+@brightest.register
+def _(texture: Checkerboard | Mix) -> Floats:
+    return np.maximum(brightest(texture.first), brightest(texture.second))
+
+
+@brightest.register
+def _(texture: ImageTexture) -> Floats:
+    """What an image becomes rises or falls with what is found in it."""
     image = texture.image
     least = np.zeros(3) if texture.wrap == "black" else image.min(axis=(0, 1))
-    return np.maximum(
-        texture.value(least), texture.value(image.max(axis=(0, 1)))
-    )  # it rises or falls with what is found
-
-
-def is_constant(texture: Texture) -> bool:
-    """Whether a texture is the same everywhere by its kind: an array, or products and mixes of such."""
-    if isinstance(texture, Product):
-        return is_constant(texture.first) and is_constant(texture.second)
-    if isinstance(texture, Mix):
-        return is_constant(texture.first) and is_constant(texture.second) and is_constant(texture.amount)
-    return isinstance(texture, np.ndarray)
+    return np.maximum(texture.value(least), texture.value(image.max(axis=(0, 1))))
 
 
 def _mapped(mapping: UVMapping, uv: Floats) -> tuple[Floats, Floats]:

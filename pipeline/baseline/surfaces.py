@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.baseline.task import Array, Surface
-from scenes.description.materials import Conductor, Dielectric, Material
 from scenes.description.shapes import Emission, Geometry, ShapeDescription, Sphere
-from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture
 
 SPHERE_SAG = 3e-4  # of the radius: the most that a triangle lies below its sphere (measured, 2.85e-4)
 
@@ -36,14 +34,13 @@ class View:
 def surface(shape: ShapeDescription, view: View) -> Surface:
     """The shape as triangles in camera space, with its material."""
     corners, normals = tessellate(shape.geometry)
-    color, roughness = _color(shape.material)
     return Surface(
         view.points(corners).reshape(-1, 3),
         view.vectors(normals).reshape(-1, 3),
-        color,
+        shape.material.normal_reflectance,
         np.zeros(3) if shape.emission is None else mean_emission(shape.emission),
         shape.emission is not None and shape.emission.two_sided,
-        roughness,
+        shape.material.mean_alpha,
     )
 
 
@@ -74,32 +71,3 @@ def mean_emission(emission: Emission) -> Array:
     return (
         emission.radiance if emission.image is None else emission.radiance * emission.image.mean(axis=(0, 1))
     )
-
-
-def _color(material: Material) -> tuple[Array, float | None]:
-    """Albedo, or reflectance at normal incidence and roughness."""
-    if isinstance(material, Conductor):
-        below, above = (material.eta - 1) ** 2 + material.k**2, (material.eta + 1) ** 2 + material.k**2
-        return below / above, material.mean_alpha
-    if isinstance(material, Dielectric):  # opaque here: what a pane reflects, and nothing of what it shows
-        reflectance = ((material.eta - 1) / (material.eta + 1)) ** 2
-        return np.full(3, reflectance), material.mean_alpha
-    return _mean(material.reflectance), None
-
-
-def _mean(texture: Texture) -> Array:
-    """(3,) the mean of a texture: exact for one image or checkerboard, and where what is multiplied does not
-    vary together.
-    """
-    match texture:
-        case ImageTexture():
-            return texture.value(texture.image).mean(axis=(0, 1))
-        case Checkerboard():
-            return (_mean(texture.first) + _mean(texture.second)) / 2
-        case Product():
-            return _mean(texture.first) * _mean(texture.second)
-        case Mix():
-            amount = _mean(texture.amount)
-            return (1 - amount) * _mean(texture.first) + amount * _mean(texture.second)
-        case _:
-            return texture

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import HIDDEN, IDLE, SEEN, Tried
 from pipeline.preview.view import View
 from renderer import RenderScene
-from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import ShapeDescription
 from scenes.errors import PenumbraError
@@ -144,10 +143,7 @@ def _shape(pv: Any, plotter: Any, shape: ShapeDescription, veiled: bool, extent:
         if edges.n_points:
             plotter.add_mesh(edges, color=INK, line_width=2)
         return
-    material = shape.material
-    gray = material.reflectance if isinstance(material, Diffuse) else np.full(3, 0.6)
-    colour = gray if isinstance(gray, np.ndarray) else np.full(3, 0.6)
-    shade = tuple(np.clip(0.15 + 0.85 * np.sqrt(colour), 0, 1))
+    shade = tuple(np.clip(0.15 + 0.85 * np.sqrt(shape.material.normal_reflectance), 0, 1))
     plotter.add_mesh(mesh, color=shade, opacity=0.12 if veiled else 1.0, ambient=0.4, diffuse=0.6)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.textures import Texture
+from scenes.description.textures import ColorMap, Texture, map_colors, mean
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,18 @@ class Diffuse:
     def needs_uv(self) -> bool:
         """Whether it matters how texture coordinates lie on the surface."""
         return not isinstance(self.reflectance, np.ndarray)
+
+    @property
+    def mean_alpha(self) -> None:
+        """None: there are no microfacets."""
+
+    @property
+    def normal_reflectance(self) -> Array:
+        """(3,) the mean share of light from straight above that goes back, for those who draw one colour."""
+        return mean(self.reflectance)
+
+    def map_colors(self, change: ColorMap) -> Diffuse:
+        return Diffuse(map_colors(self.reflectance, change))
 
 
 class Microfacets:
@@ -56,6 +68,14 @@ class Conductor(Microfacets):
     alpha: float
     alpha_v: float | None = None
 
+    @property
+    def normal_reflectance(self) -> Array:
+        below, above = (self.eta - 1) ** 2 + self.k**2, (self.eta + 1) ** 2 + self.k**2
+        return below / above
+
+    def map_colors(self, change: ColorMap) -> Conductor:
+        return replace(self, eta=change(self.eta), k=change(self.k))
+
 
 @dataclass(frozen=True, eq=False)
 class Dielectric(Microfacets):
@@ -68,6 +88,14 @@ class Dielectric(Microfacets):
     alpha: float
     thin: bool = False
     alpha_v: float | None = None
+
+    @property
+    def normal_reflectance(self) -> Array:
+        """Of the boundary alone, without what is seen through it."""
+        return np.full(3, ((self.eta - 1) / (self.eta + 1)) ** 2)
+
+    def map_colors(self, change: ColorMap) -> Dielectric:
+        return self
 
 
 Material = Diffuse | Conductor | Dielectric

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.materials import Material
+from scenes.description.textures import ColorMap
 from scenes.errors import Location
 
 Array = NDArray[np.float64]
@@ -40,6 +41,10 @@ class Emission:
     radiance: Array
     two_sided: bool = False
     image: Array | None = None
+
+    def map_colors(self, change: ColorMap) -> Emission:
+        image = None if self.image is None else change(self.image)
+        return replace(self, radiance=change(self.radiance), image=image)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +291,11 @@ class ShapeDescription:
         if self.emission is None:
             return self
         return replace(self, emission=replace(self.emission, radiance=self.emission.radiance * factor))
+
+    def map_colors(self, change: ColorMap) -> ShapeDescription:
+        """The shape with `change` applied to the colours (..., 3) of its material and emission."""
+        emission = None if self.emission is None else self.emission.map_colors(change)
+        return replace(self, material=self.material.map_colors(change), emission=emission)
 
 
 def vertex_normals(geometry: Geometry) -> Array | None:

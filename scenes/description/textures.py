@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+ColorMap = Callable[[Array], Array]  # of colours (..., 3), the shape kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,13 @@ class ImageTexture:
             self.value(self.image), self.mapping, self.wrap, self.filter, clamped=self.clamped
         )
 
+    def mean(self) -> Array:
+        """(3,) over one period."""
+        return self.value(self.image).mean(axis=(0, 1))
+
+    def map_colors(self, change: ColorMap) -> ImageTexture:
+        return replace(self, image=change(self.image))
+
 
 @dataclass(frozen=True, eq=False)
 class Checkerboard:
@@ -66,6 +75,13 @@ class Checkerboard:
     second: Texture
     mapping: UVMapping = UVMapping()
 
+    def mean(self) -> Array:
+        return (mean(self.first) + mean(self.second)) / 2
+
+    def map_colors(self, change: ColorMap) -> Checkerboard:
+        first, second = map_colors(self.first, change), map_colors(self.second, change)
+        return replace(self, first=first, second=second)
+
 
 @dataclass(frozen=True, eq=False)
 class Product:
@@ -73,6 +89,13 @@ class Product:
 
     first: Texture
     second: Texture
+
+    def mean(self) -> Array:
+        """Exact where the two do not vary together."""
+        return mean(self.first) * mean(self.second)
+
+    def map_colors(self, change: ColorMap) -> Product:
+        return Product(map_colors(self.first, change), map_colors(self.second, change))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +106,24 @@ class Mix:
     second: Texture
     amount: Texture
 
+    def mean(self) -> Array:
+        """Exact where the amount does not vary with the textures."""
+        amount = mean(self.amount)
+        return (1 - amount) * mean(self.first) + amount * mean(self.second)
+
+    def map_colors(self, change: ColorMap) -> Mix:
+        return Mix(*(map_colors(one, change) for one in (self.first, self.second, self.amount)))
+
 
 # An array (3,) is a constant.
 Texture = Array | ImageTexture | Checkerboard | Product | Mix
+
+
+def mean(texture: Texture) -> Array:
+    """(3,) the mean of a texture over its surface, for those who draw one colour."""
+    return texture if isinstance(texture, np.ndarray) else texture.mean()
+
+
+def map_colors(texture: Texture, change: ColorMap) -> Texture:
+    """The texture with `change` applied to the colours (..., 3) that it is made of."""
+    return change(texture) if isinstance(texture, np.ndarray) else texture.map_colors(change)

@@ -9,6 +9,7 @@ it is for texels that are not interpolated.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
 
@@ -36,25 +37,37 @@ _Tree = Array | ImageTexture | _Blend
 def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
     """The material on both sides, as pbrt's. to_uv: (3, 3), from Mitsuba's uv of the shape to pbrt's.
 
-    SceneError where its textures have no counterpart.
+    SceneError where it or its textures have no counterpart.
     """
     if isinstance(material, Microfacets) and material.alpha_v is not None:
         raise SceneError("anisotropic roughness is not handed to Mitsuba", where)
-    if isinstance(material, Dielectric):
-        return _dielectric(material, where)
-    if isinstance(material, Conductor) and material.alpha == 0:
-        return Plugin(
-            "bsdf", "twosided", {"one": Plugin("bsdf", "conductor", {"eta": material.eta, "k": material.k})}
-        )
-    if isinstance(material, Conductor):
-        values: dict[str, float] = {f"eta{c}": float(material.eta[c]) for c in range(3)}
-        values |= {f"k{c}": float(material.k[c]) for c in range(3)}
-        return Plugin("bsdf", "penumbra_conductor", {"alpha": material.alpha, **values})
-    # `diffuse` is black from behind and pbrt's is not.
+    return _bsdf(material, to_uv, where)
+
+
+@singledispatch
+def _bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
+    raise SceneError(f"Mitsuba has no counterpart of a {type(material).__name__} material", where)
+
+
+@_bsdf.register
+def _(material: Diffuse, to_uv: Array, where: Location | None) -> Plugin:
+    """Mitsuba's `diffuse` is black from behind and pbrt's is not."""
     return Plugin("bsdf", "twosided", {"one": _diffuse(_expand(material.reflectance, where), to_uv)})
 
 
-def _dielectric(material: Dielectric, where: Location | None) -> Plugin:
+@_bsdf.register
+def _(material: Conductor, to_uv: Array, where: Location | None) -> Plugin:
+    """Mitsuba's mirrors are pbrt's; its rough metal has another G, see `plugins`."""
+    if material.alpha == 0:
+        mirror = Plugin("bsdf", "conductor", {"eta": material.eta, "k": material.k})
+        return Plugin("bsdf", "twosided", {"one": mirror})
+    values: dict[str, float] = {f"eta{c}": float(material.eta[c]) for c in range(3)}
+    values |= {f"k{c}": float(material.k[c]) for c in range(3)}
+    return Plugin("bsdf", "penumbra_conductor", {"alpha": material.alpha, **values})
+
+
+@_bsdf.register
+def _(material: Dielectric, to_uv: Array, where: Location | None) -> Plugin:
     """Mitsuba's smooth boundaries and panes are pbrt's; its rough one has another G, see `plugins`."""
     indices = {"int_ior": material.eta, "ext_ior": 1.0}
     if material.alpha == 0:
@@ -113,28 +126,43 @@ def _weight(weight: float | ImageTexture | UVMapping, to_uv: Array) -> float | P
     return bitmap(squares, half, "repeat", "point", to_uv)
 
 
+@singledispatch
 def _expand(texture: Texture, where: Location | None) -> _Tree:
-    match texture:
-        case ImageTexture():
-            plain = texture.plain()
-            if plain is None:
-                raise SceneError(
-                    "an image texture whose interpolated values are cut off, or that is inverted with black around it, cannot be "  # noqa: E501
-                    "given to Mitsuba",
-                    where,
-                )
-            return plain
-        case Checkerboard():
-            return _blend(_expand(texture.first, where), _expand(texture.second, where), texture.mapping)
-        case Product():
-            return _multiply(_expand(texture.first, where), _expand(texture.second, where), where)
-        case Mix():
-            first, second, amount = (
-                _expand(one, where) for one in (texture.first, texture.second, texture.amount)
-            )
-            return _mix(first, second, amount, where)
-        case _:
-            return texture
+    """A texture as blends of images and constants."""
+    raise SceneError(f"Mitsuba has no counterpart of a texture {type(texture).__name__}", where)
+
+
+@_expand.register
+def _(texture: np.ndarray, where: Location | None) -> _Tree:
+    return texture
+
+
+@_expand.register
+def _(texture: ImageTexture, where: Location | None) -> _Tree:
+    plain = texture.plain()
+    if plain is None:
+        raise SceneError(
+            "an image texture whose interpolated values are cut off, or that is inverted with black around "
+            "it, cannot be given to Mitsuba",
+            where,
+        )
+    return plain
+
+
+@_expand.register
+def _(texture: Checkerboard, where: Location | None) -> _Tree:
+    return _blend(_expand(texture.first, where), _expand(texture.second, where), texture.mapping)
+
+
+@_expand.register
+def _(texture: Product, where: Location | None) -> _Tree:
+    return _multiply(_expand(texture.first, where), _expand(texture.second, where), where)
+
+
+@_expand.register
+def _(texture: Mix, where: Location | None) -> _Tree:
+    first, second, amount = (_expand(one, where) for one in (texture.first, texture.second, texture.amount))
+    return _mix(first, second, amount, where)
 
 
 def _blend(first: _Tree, second: _Tree, weight: float | ImageTexture | UVMapping) -> _Tree:

@@ -21,7 +21,7 @@ from scenes.pbrt.spectra import colour
 from scenes.pbrt.state import AreaLight, Builder, check_room, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, uniform_scale, unit
-from scenes.pbrt.write.surfaces import SideFiles, scaled_image
+from scenes.pbrt.write.side_files import SideFiles, scaled_image
 from scenes.pbrt.write.text import numbers, rotation
 
 Array = NDArray[np.float64]
@@ -189,6 +189,15 @@ def area_light(builder: Builder, kind: str, parameters: Parameters) -> None:
     emission = Emission(radiance, parameters.flag("twosided", False), image)
     light = AreaLight(emission, _positive(parameters, "power"), parameters.where)
     builder.state = replace(builder.state, light=light)
+
+
+def area_light_text(emission: Emission, files: SideFiles) -> str:
+    """`AreaLightSource`."""
+    sides = ' "bool twosided" [ true ]' if emission.two_sided else ""
+    if emission.image is None:
+        return f'AreaLightSource "diffuse" "rgb L" [ {numbers(emission.radiance)} ]{sides}'
+    name, scale = scaled_image(emission.image, emission.radiance, files)
+    return f'AreaLightSource "diffuse" "string filename" {name}{scale}{sides}'
 
 
 _LIGHTS: dict[str, Callable[[Builder, Parameters], Light]] = {

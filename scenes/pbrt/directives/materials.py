@@ -1,16 +1,19 @@
-"""`Material` and `MakeNamedMaterial`: diffuse surfaces, metals and glass, as pbrt-v4 reads them."""
+"""`Material` and `MakeNamedMaterial`: diffuse surfaces, metals and glass, as pbrt-v4 reads them, and
+written back.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.materials import Conductor, Dielectric, Diffuse, Material
+from scenes.description.materials import Conductor, Dielectric, Diffuse, Material, Microfacets
 from scenes.errors import Location, PenumbraError, SceneError
-from scenes.pbrt.directives.textures import named_texture
+from scenes.pbrt.directives.textures import TextureWriter, named_texture
 from scenes.pbrt.spectra import colour, colour_of, samples, spectrum_name
 from scenes.pbrt.state import (
     DEFAULT_REFLECTANCE,
@@ -23,6 +26,7 @@ from scenes.pbrt.state import (
     refuse_kind,
 )
 from scenes.pbrt.text.parameters import Parameter, Parameters
+from scenes.pbrt.write.text import numbers
 
 Array = NDArray[np.float64]
 
@@ -202,3 +206,36 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "thindielectric": _thin_dielectric,
     "interface": _interface,
 }
+
+
+@singledispatch
+def material_text(material: Material, textures: TextureWriter) -> list[str]:
+    """The textures that are new, and the `Material` that reads back as this one to the bit."""
+    raise TypeError(f"no pbrt text is known for a {type(material).__name__}")
+
+
+@material_text.register
+def _(material: Diffuse, textures: TextureWriter) -> list[str]:
+    lines: list[str] = []
+    reflectance = textures.parameter("spectrum", "reflectance", material.reflectance, lines)
+    return [*lines, f'Material "diffuse" {reflectance}']
+
+
+@material_text.register
+def _(material: Conductor, textures: TextureWriter) -> list[str]:
+    optical = f'"rgb eta" [ {numbers(material.eta)} ] "rgb k" [ {numbers(material.k)} ]'
+    return [f'Material "conductor" {optical} {_roughness_text(material)}']
+
+
+@material_text.register
+def _(material: Dielectric, textures: TextureWriter) -> list[str]:
+    eta = f'"float eta" [ {material.eta!r} ]'
+    if material.thin:
+        return [f'Material "thindielectric" {eta}']
+    return [f'Material "dielectric" {eta} {_roughness_text(material)}']
+
+
+def _roughness_text(material: Microfacets) -> str:
+    one = f'"float roughness" [ {material.alpha!r} ]'
+    two = f'"float uroughness" [ {material.alpha!r} ] "float vroughness" [ {material.alpha_v!r} ]'
+    return f'{one if material.alpha_v is None else two} "bool remaproughness" [ false ]'

@@ -1,23 +1,26 @@
 """`Texture`: constant, scale, mix, checkerboard and imagemap, of numbers and of colours, as pbrt-v4 reads
-them.
+them, and written back.
 
 Numbers are textures of three equal components here. What is made of constants alone is a constant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
-from scenes.errors import Location, SceneError, Unsupported
+from scenes.errors import Location, PenumbraError, SceneError, Unsupported
 from scenes.pbrt.directives.texels import image_of, numbers_of
 from scenes.pbrt.spectra import colour_of
 from scenes.pbrt.state import Builder, NamedTexture, check_room
 from scenes.pbrt.text.parameters import Parameters
+from scenes.pbrt.write.side_files import SideFiles
+from scenes.pbrt.write.text import numbers, quoted
 
 Array = NDArray[np.float64]
 
@@ -193,3 +196,123 @@ _KINDS: dict[str, Callable[[_Maker], Texture]] = {
     "checkerboard": _checkerboard,
     "imagemap": _imagemap,
 }
+
+
+class TextureWriter:
+    """Writes parameters of materials; the textures that they name are written before the first that uses
+    them.
+    """
+
+    def __init__(self, files: SideFiles) -> None:
+        self.files = files
+        self._names: dict[tuple[str, int], str] = {}
+
+    def parameter(self, type_: str, name: str, texture: Texture, lines: list[str]) -> str:
+        """A parameter of `type_` that is a constant or the name of a texture, whose text goes to `lines`."""
+        if not isinstance(texture, np.ndarray):
+            return f'"texture {name}" [ {self._name(type_, texture, lines)} ]'
+        if type_ == "spectrum":
+            return f'"rgb {name}" [ {numbers(texture)} ]'
+        _check_gray(texture)
+        return f'"float {name}" [ {float(texture[0])!r} ]'
+
+    def parameters(self, named: Mapping[str, tuple[str, Texture]], lines: list[str]) -> str:
+        """Several, given as name -> (type, texture)."""
+        return " ".join(self.parameter(type_, name, one, lines) for name, (type_, one) in named.items())
+
+    def _name(self, type_: str, texture: Texture, lines: list[str]) -> str:
+        key = (type_, id(texture))
+        if key not in self._names:
+            body = texture_text(texture, type_, self, lines)
+            self._names[key] = quoted(f"texture {len(self._names) + 1}")
+            lines.append(f'Texture {self._names[key]} "{type_}" {body}')
+        return self._names[key]
+
+
+@singledispatch
+def texture_text(texture: Texture, type_: str, writer: TextureWriter, lines: list[str]) -> str:
+    """The kind and parameters of a `Texture` directive; those it is made of go to `lines` first."""
+    raise TypeError(f"no pbrt text is known for a {type(texture).__name__}")
+
+
+@texture_text.register
+def _(texture: ImageTexture, type_: str, writer: TextureWriter, lines: list[str]) -> str:
+    if type_ == "float":
+        _check_gray(texture.image)
+    _check_bounds(texture, type_)
+    writer.files.uneven |= any(side & (side - 1) for side in texture.image.shape[:2])
+    look = f'"string filter" "{texture.filter}" "string wrap" "{texture.wrap}"'
+    scale = "" if texture.scale == 1 else f' "float scale" [ {texture.scale!r} ]'
+    invert = ' "bool invert" [ true ]' if texture.invert else ""
+    return (
+        f'"imagemap" "string filename" {writer.files.add(texture.image)} '
+        f"{look}{scale}{invert}{_mapping_text(texture.mapping)}"
+    )
+
+
+@texture_text.register
+def _(texture: Checkerboard, type_: str, writer: TextureWriter, lines: list[str]) -> str:
+    squares = writer.parameters({"tex1": (type_, texture.first), "tex2": (type_, texture.second)}, lines)
+    return f'"checkerboard" {squares}{_mapping_text(texture.mapping)}'
+
+
+@texture_text.register
+def _(texture: Product, type_: str, writer: TextureWriter, lines: list[str]) -> str:
+    """A product that pbrt would fold into its image is written as a mix with black, which it does not."""
+    folded = _folded(texture, type_)
+    if folded is None:
+        factors = {"tex": (type_, texture.first), "scale": ("float", texture.second)}
+        return f'"scale" {writer.parameters(factors, lines)}'
+    image, factor = folded
+    mixed = {"tex1": (type_, np.zeros(3)), "tex2": (type_, image), "amount": ("float", factor)}
+    return f'"mix" {writer.parameters(mixed, lines)}'
+
+
+@texture_text.register
+def _(texture: Mix, type_: str, writer: TextureWriter, lines: list[str]) -> str:
+    first, second = (type_, texture.first), (type_, texture.second)
+    mixed = {"tex1": first, "tex2": second, "amount": ("float", texture.amount)}
+    return f'"mix" {writer.parameters(mixed, lines)}'
+
+
+def _folded(product: Product, type_: str) -> tuple[ImageTexture, Array] | None:
+    """The image and the factor of what pbrt makes one image of, scaling it before it is inverted and bounded;
+    None for others.
+    """
+    if isinstance(product.first, ImageTexture) and isinstance(product.second, np.ndarray):
+        return product.first, product.second
+    if (
+        type_ == "float"
+        and isinstance(product.second, ImageTexture)
+        and isinstance(product.first, np.ndarray)
+    ):
+        return product.second, product.first
+    return None
+
+
+def _check_gray(values: Array) -> None:
+    if np.any(values != values[..., :1]):
+        raise PenumbraError(
+            "a texture is multiplied or mixed by colours; pbrt does so by numbers, so that there is no "
+            "text for it"
+        )
+
+
+def _check_bounds(texture: ImageTexture, type_: str) -> None:
+    """pbrt bounds colours by 1 and numbers not."""
+    if texture.clamped != (type_ == "spectrum") and texture.value(texture.image).max(initial=0.0) > 1:
+        raise PenumbraError(
+            f"an image texture exceeds 1 or is cut off there as no {type_} texture of pbrt's is"
+        )
+
+
+def _mapping_text(mapping: UVMapping) -> str:
+    named = {
+        "uscale": (mapping.su, 1.0),
+        "vscale": (mapping.sv, 1.0),
+        "udelta": (mapping.du, 0.0),
+        "vdelta": (mapping.dv, 0.0),
+    }
+    return "".join(
+        f' "float {name}" [ {value!r} ]' for name, (value, default) in named.items() if value != default
+    )

@@ -19,9 +19,11 @@ from scenes.description.lights import environments
 from scenes.description.scene import Camera, Film, RenderDefaults, SceneDescription
 from scenes.description.shapes import Array, ShapeDescription
 from scenes.errors import PenumbraError
-from scenes.pbrt.directives.lights import light_text
+from scenes.pbrt.directives.lights import area_light_text, light_text
+from scenes.pbrt.directives.materials import material_text
 from scenes.pbrt.directives.shapes import shape_text
-from scenes.pbrt.write.surfaces import SideFiles, Surfaces, area_light
+from scenes.pbrt.directives.textures import TextureWriter
+from scenes.pbrt.write.side_files import SideFiles
 from scenes.pbrt.write.text import comment, is_orthonormal, matrix, numbers, quoted
 
 AMBIENT = "ambient-occlusion"
@@ -58,12 +60,12 @@ def export(scene: SceneDescription, stem: str) -> ExportedScene:
     stem: what the names of its images begin with. PenumbraError where there is no text for it.
     """
     files = SideFiles(stem)
-    surfaces = Surfaces(files)
+    textures = TextureWriter(files)
     body: list[str] = []
     for light in scene.lights:
         body += _attribute(light_text(light, files))
     for shape in scene.shapes:
-        body += _attribute(_shape(shape, surfaces))
+        body += _attribute(_shape(shape, textures))
     notes = _notes(scene, files)
     head = [f"# {comment(scene.name)}, exported by penumbra"]
     if scene.parameters:
@@ -165,9 +167,9 @@ def _integrator(defaults: RenderDefaults, occlusion_distance: float) -> str:
     return 'Integrator "path" "integer maxdepth" [ 1 ]'
 
 
-def _shape(shape: ShapeDescription, surfaces: Surfaces) -> list[str]:
+def _shape(shape: ShapeDescription, textures: TextureWriter) -> list[str]:
     lines: list[str] = []
     if shape.emission is not None:
-        lines.append(area_light(shape.emission, surfaces.files))
-    lines += surfaces.material(shape.material)
+        lines.append(area_light_text(shape.emission, textures.files))
+    lines += material_text(shape.material, textures)
     return [*lines, *shape_text(shape.geometry, shape.emission is not None)]
