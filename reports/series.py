@@ -14,6 +14,7 @@ from typing import TypeVar
 from pipeline.schema.manifest import CellEntry, LeftOut, StudyEntry
 from pipeline.schema.record import Job, Record, SampleStatistics, Score
 from pipeline.schema.sweep import Study
+from pipeline.scoring.metric import METRICS
 from pipeline.statistics.intervals import (
     Interval,
     efficiency,
@@ -29,11 +30,6 @@ K = TypeVar("K", bound=Hashable)
 Cards = Sequence[Mapping[str, Score] | None]  # the scores of each replicate, None where it is not scored
 Settings = tuple[tuple[str, float], ...]  # scene parameters and their values
 
-SQUARED = ("mse", "relmse", "relmse-imgtool", "relmse-simpleimageio", "relmse-trimmed")
-"""Means of squares: the reference's noise is subtracted from them, and may drown them."""
-HIGHER = ("psnr", "ssim")  # better when higher, so that a bound is a lower one
-# These hold no noise of the reference, or hold it in their interval.
-OWN = ("nonfinite", "largest-share", "noise", "bias", "umbra-leak", "firefly")
 BELOW = "below the reference's noise"
 
 
@@ -189,7 +185,11 @@ def measure_all(cards: Cards, refused: str | None) -> dict[str, Measure]:
     found = {name: _measure(name, cards, refused) for name in names}
     if not found.get("mse", Measure(None)).bound:
         return found
-    return {name: measure if name in OWN else _bounded(name, measure) for name, measure in found.items()}
+    # What judges no error holds no noise of the reference, or holds it in its interval.
+    return {
+        name: _bounded(name, measure) if METRICS[name].judges == "error" else measure
+        for name, measure in found.items()
+    }
 
 
 def root_of(mse: Measure) -> Measure:
@@ -308,7 +308,7 @@ def _bounded(name: str, found: Measure) -> Measure:
     """The safe end of an interval as a bound, for a figure that is mostly the reference's noise."""
     if found.value is None or found.bound:
         return found
-    end = found.low if name in HIGHER else found.high
+    end = found.low if METRICS[name].better == "higher" else found.high
     value = found.value if end is None or math.isnan(end) else end
     return replace(found, value=value, bound=True, note=BELOW)
 
@@ -324,7 +324,7 @@ def _measure(name: str, cards: Cards, refused: str | None) -> Measure:
         return Measure(None, note=refused)
     if len(scores) < len(cards):
         return Measure(None, note=f"{len(cards) - len(scores)} of {len(cards)} replicates are not scored")
-    if name in SQUARED:
+    if METRICS[name].squares:
         mse = replicate_mse(scores)
         return Measure(mse.value, mse.low, mse.high, mse.bound, mse.note)
     if len(values) < len(scores):

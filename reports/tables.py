@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.schema.record import PlanDecision, RayCounts
+from pipeline.scoring.metric import METRICS, Metric
 from reports.figures import color
 from reports.formats import DASH, ends, listing, millions, plain, power_of_ten, scene_title, sig
-from reports.series import BELOW, HIGHER, Measure, Panel, Point, Series, Settings, root_of, varied
+from reports.series import BELOW, Measure, Panel, Point, Series, Settings, root_of, varied
 
-# Column titles of metrics. Those of ELSEWHERE have no column here: RMSE, regions and verdict show them.
-TITLES = {"relmse": "relMSE", "flip": "FLIP", "ssim": "SSIM", "psnr": "PSNR"}
-UNITS = {"flip": "0 to 1", "ssim": "to 1", "psnr": "dB"}
 LEAK = "umbra-leak"
+# Metrics without a column of their own: RMSE, regions and verdict show them.
 ELSEWHERE = ("mse", "rmse", "nonfinite", "largest-share", LEAK)
 
 
@@ -68,7 +68,7 @@ def error_table(panel: Panel) -> Table:
         *([] if panel.study.over == "spp" else [Heading(panel.study.over)]),
         Heading("spp"),
         Heading("RMSE", "W/(m² sr)"),
-        *(Heading(TITLES.get(name, name), UNITS.get(name, "")) for name in metrics),
+        *(_metric_heading(METRICS[name]) for name in metrics),
         Heading("time", "s"),
         Heading("rays", "+ shadow rays"),
         Heading("efficiency", f"{power_of_ten(unit)}/(MSE × s)"),
@@ -76,6 +76,18 @@ def error_table(panel: Panel) -> Table:
     )
     rows = (_error_row(panel, s, p, metrics, unit) for s in panel.series for p in panel.ordered(s))
     return Table(headings, (*rows, *_baseline_row(panel, metrics)))
+
+
+def _metric_cells(point: Point, metrics: Sequence[str]) -> Iterator[Cell]:
+    for name in metrics:
+        yield value_cell(point.scores.get(name, Measure(None)), METRICS[name].better == "higher")
+
+
+def _metric_heading(metric: Metric) -> Heading:
+    """The title up to its definition, its unit if it has one, and whether more of it is better."""
+    units = [metric.unit] if metric.unit != "1" else []
+    more = ["higher is better"] if metric.better == "higher" else []
+    return Heading(re.split(r",| \(", metric.title)[0], ", ".join(units + more))
 
 
 def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
@@ -89,7 +101,7 @@ def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:
         *([Cell(DASH, kind="left muted")] if len(panel.study.axes.sampler) > 1 else []),
         Cell(DASH, kind="muted"),
         value_cell(point.rmse),
-        *(value_cell(point.scores.get(name, Measure(None)), name in HIGHER) for name in metrics),
+        *_metric_cells(point, metrics),
         Cell(sig(point.seconds.value)),
         Cell(DASH, kind="muted"),
         value_cell(point.efficiency),
@@ -112,7 +124,7 @@ def _error_row(panel: Panel, series: Series, point: Point, metrics: Sequence[str
         *(() if panel.study.over == "spp" else (Cell(plain(point.x)),)),
         Cell(f"{point.spp:,}"),
         value_cell(point.rmse),
-        *(value_cell(point.scores.get(name, Measure(None)), name in HIGHER) for name in metrics),
+        *_metric_cells(point, metrics),
         Cell(sig(point.seconds.value), title=f"95 %: {ends(point.seconds)} s"),
         Cell(millions(primary), f"+ {millions(shadow)}"),
         value_cell(_scaled(point.efficiency, 10.0**-unit)),

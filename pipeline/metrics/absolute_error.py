@@ -22,6 +22,7 @@ class Mae:
     unit = "W/(m² sr)"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = False
     source = "[pharr2023], the program's Image::MAE"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -41,6 +42,7 @@ class Smape:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = False
     source = "[vogels2018]"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

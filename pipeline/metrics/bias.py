@@ -28,6 +28,7 @@ class Bias:
     unit = "W/(m² sr)"
     better: Better = "zero"
     judges: Judges = "bias"
+    squares = False
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -32,6 +32,7 @@ class Ciede2000:
     unit = "ΔE00"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = False
     source = "[sharma2005]; colour-science, delta_E_CIE2000"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -32,6 +32,7 @@ class Firefly:
     unit = "of the light"
     better: Better = "lower"
     judges: Judges = "defects"
+    squares = False
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -40,6 +40,7 @@ class Flip:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = False
     source = "[andersson2021]; flip-evaluator 1.7"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -70,6 +71,7 @@ class FlipLdr:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = False
     source = "[andersson2020]; flip-evaluator 1.7"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -28,6 +28,7 @@ class LargestShare:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "samples"
+    squares = False
     source = "statistics/heavy_tail.py"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

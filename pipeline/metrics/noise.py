@@ -26,6 +26,7 @@ class Noise:
     unit = "W/(m² sr)"
     better: Better = "lower"
     judges: Judges = "samples"
+    squares = False
     source = "[pharr2023] sec. 2.1.3"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

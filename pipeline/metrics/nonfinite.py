@@ -20,6 +20,7 @@ class NonFinite:
     unit = "pixels"
     better: Better = "lower"
     judges: Judges = "defects"
+    squares = False
     source = "IEEE 754"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -31,6 +31,7 @@ class Psnr:
     unit = "dB"
     better: Better = "higher"
     judges: Judges = "error"
+    squares = False
     source = "scikit-image, peak_signal_noise_ratio"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -34,6 +34,7 @@ class RelMseTrimmed:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = True
     source = "[tukey1963]; simpleimageio 1.13, relative_mse_outlier_rejection"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

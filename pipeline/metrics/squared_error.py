@@ -30,6 +30,7 @@ class Mse:
     unit = "(W/(m² sr))²"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = True
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -48,6 +49,7 @@ class Rmse:
     unit = "W/(m² sr)"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = False
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -80,6 +82,7 @@ class RelMse:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = True
     source = "simpleimageio 1.13's default floor; every channel counts"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -101,6 +104,7 @@ class RelMseImgtool:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = True
     source = "[pharr2023], the program's Image::MRSE"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -120,6 +124,7 @@ class RelMseSimpleImageIo:
     unit = "1"
     better: Better = "lower"
     judges: Judges = "error"
+    squares = True
     source = "simpleimageio 1.13, relative_mse"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

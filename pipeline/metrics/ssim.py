@@ -31,6 +31,7 @@ class Ssim:
     unit = "1"
     better: Better = "higher"
     judges: Judges = "error"
+    squares = False
     source = "[wang2004]; scikit-image, structural_similarity"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -28,6 +28,7 @@ class UmbraLeak:
     unit = "of the light"
     better: Better = "lower"
     judges: Judges = "defects"
+    squares = False
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -65,7 +65,7 @@ class Metric(Protocol):
 
     judges: "error" grows with any difference, noise or bias; "bias" is a mean of signed differences, in which
     noise averages out; "samples" asks the estimate's own samples and not the reference; "defects" counts
-    artefacts.
+    artefacts. squares: whether the score is a mean of squares with the reference's noise subtracted.
     """
 
     name: str
@@ -73,6 +73,7 @@ class Metric(Protocol):
     unit: str
     better: Better
     judges: Judges
+    squares: bool
     source: str
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
