@@ -20,7 +20,7 @@ from pipeline.references.closed_form.scene import Receiver
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Camera, SceneDescription
 from scenes.description.scene import Film as FilmDescription
-from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
+from scenes.description.shapes import Mesh, ShapeDescription
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -70,13 +70,13 @@ def _light(shape: ShapeDescription) -> tuple[Patch, Array]:
     emission = shape.emission
     if emission is None or emission.two_sided or emission.image is not None:
         raise SceneError("the closed form of an edge needs a one-sided light of one radiance", shape.where)
-    if not isinstance(shape.geometry, TriangleMesh | BilinearMesh):
+    if not isinstance(shape.geometry, Mesh):
         raise SceneError("the closed form of an edge needs a flat light of straight sides", shape.where)
     return outline(shape.geometry, shape, oriented=True), emission.radiance
 
 
 def _receiver(shape: ShapeDescription) -> Receiver:
-    if not isinstance(shape.geometry, TriangleMesh | BilinearMesh):
+    if not isinstance(shape.geometry, Mesh):
         raise SceneError("the closed form of an edge needs a flat floor and a flat sheet", shape.where)
     if not isinstance(shape.material, Diffuse) or not isinstance(shape.material.reflectance, np.ndarray):
         raise SceneError(

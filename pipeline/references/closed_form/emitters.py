@@ -16,7 +16,7 @@ from pipeline.references.closed_form.patches import Patch, Plane, outline
 from pipeline.references.closed_form.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
 from scenes.description.lights import Light, PointLight
 from scenes.description.scene import Camera
-from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere, TriangleMesh
+from scenes.description.shapes import Disk, Geometry, Mesh, ShapeDescription, Sphere
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -27,14 +27,29 @@ PARALLEL = 1e-9  # sine below which planes count as parallel, and an edge as par
 
 def area_emitter(shape: ShapeDescription) -> Patch | Disk | Sphere:
     """The emitter that an emitting shape is; SceneError where it has no closed form."""
-    geometry, emission = shape.geometry, shape.emission
-    if isinstance(geometry, Sphere):
-        if geometry.reverse or (emission and emission.two_sided):
-            raise SceneError("the closed form needs a sphere light to emit outwards only", shape.where)
-        return geometry
-    if isinstance(geometry, TriangleMesh | BilinearMesh):
-        return outline(geometry, shape, oriented=True)
+    return _area_emitter(shape.geometry, shape)
+
+
+@singledispatch
+def _area_emitter(geometry: Geometry, shape: ShapeDescription) -> Patch | Disk | Sphere:
+    raise SceneError(f"a light that is a {type(geometry).__name__} has no closed form", shape.where)
+
+
+@_area_emitter.register
+def _(geometry: Sphere, shape: ShapeDescription) -> Sphere:
+    if geometry.reverse or (shape.emission and shape.emission.two_sided):
+        raise SceneError("the closed form needs a sphere light to emit outwards only", shape.where)
     return geometry
+
+
+@_area_emitter.register
+def _(geometry: Disk, shape: ShapeDescription) -> Disk:
+    return geometry
+
+
+@_area_emitter.register
+def _(geometry: Mesh, shape: ShapeDescription) -> Patch:
+    return outline(geometry, shape, oriented=True)
 
 
 def point_emitter(light: Light) -> PointLight:

@@ -24,7 +24,7 @@ from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from scenes.description.lights import Light
 from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
+from scenes.description.shapes import Mesh, ShapeDescription
 from scenes.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def ground(scene: SceneDescription) -> tuple[tuple[Receiver, ...], Plane | None,
 
 
 def _receiver(shape: ShapeDescription) -> Receiver:
-    if not isinstance(shape.geometry, TriangleMesh | BilinearMesh):
+    if not isinstance(shape.geometry, Mesh):
         kind = type(shape.geometry).__name__.lower()
         raise SceneError(
             f"the closed form needs flat receivers of triangles or patches, and there is a {kind}",
