@@ -21,6 +21,7 @@ from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest,
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
 from renderer.math.vectors import Floats, dot
+from renderer.memory import keep_freed_memory
 from renderer.plan.limits import check
 from renderer.plan.plan import PRUNINGS, RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
@@ -114,6 +115,7 @@ def render(
     if chosen.quantity == RADIANCE:
         check(built, plan if prune and not keep else make_plan(built))
     work = RenderJob(built, plan, chosen, SAMPLERS[sampler](seed, spp), spp)
+    keep_freed_memory()
     start, cpu = time.perf_counter(), time.process_time()
     chunks = _run(work, threads, rows, progress)
     film, total = _film(built, chunks)

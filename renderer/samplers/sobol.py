@@ -27,8 +27,8 @@ UInt32 = NDArray[np.uint32]
 
 @cache
 def second_dimension() -> UInt32:
-    """Points of the second dimension by byte of the index, (4, 256) 32-bit fractions; XOR over bytes gives
-    any point.
+    """Points of the second dimension by byte of the index, (4, 256) 32-bit fractions with their bits
+    reversed; XOR over bytes gives any point.
 
     Its direction numbers are rows of Pascal's triangle modulo 2 [joe2008 gives the same]: v_0 = 1/2, and each
     next one is the last XOR the last shifted by one.
@@ -38,18 +38,19 @@ def second_dimension() -> UInt32:
         vectors.append(vectors[-1] ^ (vectors[-1] >> 1))
     bits = (np.arange(256)[:, None] >> np.arange(8)) & 1
     parts = np.array(vectors, dtype=np.uint32).reshape(4, 1, 8) * bits.astype(np.uint32)
-    return np.bitwise_xor.reduce(parts, axis=2)
+    return reverse_bits(np.bitwise_xor.reduce(parts, axis=2))
 
 
-def points(index: UInt32) -> tuple[UInt32, UInt32]:
-    """Both coordinates (n,) of unscrambled points, as 32-bit fractions: van der Corput, and
-    `second_dimension`.
+def reversed_points(index: UInt32) -> tuple[UInt32, UInt32]:
+    """Both coordinates (n,) of unscrambled points, as 32-bit fractions with their bits reversed.
+
+    That of van der Corput's is the index itself; the other one is `second_dimension`'s.
     """
     table = second_dimension()
     second = table[0].take(index & np.uint32(255))
     for byte in (1, 2, 3):
         second ^= table[byte].take((index >> np.uint32(8 * byte)) & np.uint32(255))
-    return reverse_bits(index), second
+    return index, second
 
 
 def reverse_bits(x: UInt32) -> UInt32:
@@ -86,15 +87,15 @@ class Sobol:
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
         """See `Sampler`."""
         out = np.zeros((count, pixel.size))
-        keys = key(self.seed, pixel)
+        keys, reversed_sample = key(self.seed, pixel), reverse_bits(sample.astype(np.uint32))
         for pair in range(dim // 2, (dim + count - 1) // 2 + 1 if count else 0):
             state = mix(keys + np.uint64(((pair + 1) * GOLDEN) & 0xFFFFFFFFFFFFFFFF))
             order, *scrambles = (half for word in (state, mix(state)) for half in _halves(word))
-            both = points(owen(reverse_bits(sample.astype(np.uint32)), order))
+            both = reversed_points(owen(reversed_sample, order))
             for axis in (0, 1):
                 row = 2 * pair + axis - dim
                 if 0 <= row < count:
-                    np.multiply(owen(reverse_bits(both[axis]), scrambles[axis]), 2.0**-BITS, out=out[row])
+                    np.multiply(owen(both[axis], scrambles[axis]), 2.0**-BITS, out=out[row])
         return out
 
 

@@ -1,0 +1,24 @@
+"""Memory of freed arrays, kept for the next ones.
+
+A wavefront makes and frees some hundred arrays of the same few sizes. glibc hands arrays above its mmap
+threshold back to the system at once, whose pages then have to be cleared and mapped anew: with two threads a
+fifth of the time. Both thresholds adapt, but a thread that starts late finds them low again.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # malloc.h
+LARGEST = 2**25  # bytes: glibc's own limit of the mmap threshold, far above a wavefront's arrays
+KEPT = 2**28  # bytes of free memory at the top of the heap; what exceeds it is handed back
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Set the thresholds of this process once; allocators other than glibc's are left as they are."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(M_MMAP_THRESHOLD, LARGEST)
+        mallopt(M_TRIM_THRESHOLD, KEPT)
