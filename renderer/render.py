@@ -111,6 +111,9 @@ def render(
     built = scene if isinstance(scene, RenderScene) else build(scene)
     chosen = ESTIMATORS[estimator] if isinstance(estimator, str) else estimator
     _check(built, chosen)
+    prune, keep = (
+        (prune, keep) if built.sources.all else (True, frozenset())
+    )  # nothing to sample: all is black
     plan = make_plan(built, prune, keep) if chosen.quantity == RADIANCE else plan_occlusion(built)
     if chosen.quantity == RADIANCE:
         check(built, plan if prune and not keep else make_plan(built))
@@ -164,11 +167,10 @@ def _check_prunings(keep: object) -> None:
 
 
 def _check(built: RenderScene, estimator: Estimator) -> None:
-    name = built.description.name
-    if estimator.quantity == RADIANCE and not built.sources.all:
-        raise PenumbraError(f"scene {name!r} has no lights: nothing in it would be lit or seen")
     if why := estimator.refuses(built.description):
-        raise PenumbraError(f"estimator {estimator.name!r} does not apply to scene {name!r}: {why}")
+        raise PenumbraError(
+            f"estimator {estimator.name!r} does not apply to scene {built.description.name!r}: {why}"
+        )
 
 
 def _run(work: RenderJob, threads: int, rows: int, progress: Callable[[float], None] | None) -> list[_Chunk]:

@@ -57,6 +57,12 @@ PRIMARIES = {
     "rec2020": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046)),
     "dci-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06)),
 }
+# pbrt's glasses by their index at 587.6 nm, as Schott's catalogue has it.
+GLASSES = {
+    "glass-BK7": 1.5168, "glass-BAF10": 1.67003, "glass-FK51A": 1.48656, "glass-LASF9": 1.85025,
+    "glass-F5": 1.60342, "glass-SF5": 1.67271, "glass-SF10": 1.72825, "glass-SF11": 1.78472,
+}  # fmt: skip
+PEAK = 2.8977721e-3  # Wien's constant in m K, as pbrt has it
 OPAQUE = 0.9999  # pbrt's greatest reflectance of a conductor
 SECOND_RADIATION = (
     1.438776877e-2  # h c / k in m K, CODATA 2018; colour-science's own is rounded to five digits
@@ -66,26 +72,30 @@ _FIRST, _LAST = 360.0, 830.0
 _TABLE = Path(__file__).parent / "data" / "metals.csv"
 
 
-def blackbody(kelvin: float) -> Array:
-    """What pbrt's image shows of a light whose `blackbody` has a temperature in kelvin: (3,) linear sRGB,
-    luminance 1.
+def blackbody(kelvin: float, role: Role = "illuminant") -> Array:
+    """What pbrt's image shows of a `blackbody` of a temperature in kelvin: (3,) linear sRGB.
 
-    PenumbraError outside [100, 1e9] K.
+    A light of it has luminance 1; in another role the spectrum is 1 at its peak, as pbrt's is. PenumbraError
+    outside [100, 1e9] K.
     """
     if not COLDEST <= kelvin <= HOTTEST:
         raise PenumbraError(f"a black body of {kelvin:g} K; allowed: {COLDEST:g} to {HOTTEST:g} K")
-    planck = _colour().colorimetry.planck_law(_wavelengths() * 1e-9, kelvin, c2=SECOND_RADIATION)
-    return _light(np.asarray(planck, dtype=np.float64))
+    law = _colour().colorimetry.planck_law
+    planck = np.asarray(law(_wavelengths() * 1e-9, kelvin, c2=SECOND_RADIATION), dtype=np.float64)
+    if role != "illuminant":
+        planck = planck / float(np.squeeze(law(np.array([PEAK / kelvin]), kelvin, c2=SECOND_RADIATION)))
+    return _project(planck, role)
 
 
 def named(name: str, role: Role) -> Array:
-    """One of pbrt's named spectra as (3,) linear sRGB: an illuminant, or one of METALS with "-eta" or "-k" as
-    an unbounded spectrum.
+    """One of pbrt's named spectra as (3,) linear sRGB: an illuminant, one of METALS with "-eta" or "-k", or
+    one of GLASSES, of one index for all of the spectrum.
 
-    A metal's look needs both together: use `metal`. PenumbraError for other names, and for an illuminant in
-    another role.
+    A metal's look needs both together: use `metal`. PenumbraError for other names.
     """
-    return _project(_named(name, role), role)
+    if role == "illuminant" and name in ILLUMINANTS:
+        return _light(_illuminant(ILLUMINANTS[name]))
+    return _project(spectrum(name), role)
 
 
 def sampled(wavelengths: Sequence[float] | Array, values: Sequence[float] | Array, role: Role) -> Array:
@@ -125,7 +135,7 @@ def metal(name: str) -> tuple[Array, Array]:
     """
     if name not in METALS:
         raise PenumbraError(f"unknown metal {name!r}; there are {', '.join(METALS)}")
-    return conductor(_named(f"{name}-eta", "unbounded"), _named(f"{name}-k", "unbounded"))
+    return conductor(spectrum(f"{name}-eta"), spectrum(f"{name}-k"))
 
 
 def conductor(eta: Array, k: Array) -> tuple[Array, Array]:
@@ -178,6 +188,8 @@ class _Standard:
 def _project(spectrum: Array, role: Role) -> Array:
     if role == "illuminant":
         return _light(spectrum)
+    if role == "reflectance":
+        spectrum = np.minimum(spectrum, 1.0)  # as pbrt's materials do, at each wavelength
     seen = _standard().response @ spectrum
     return np.clip(seen, 0.0, 1.0) if role == "reflectance" else np.maximum(seen, 0.0)
 
@@ -195,18 +207,20 @@ def _wavelengths() -> Array:
     return np.linspace(_FIRST, _LAST, 471)
 
 
-def _named(name: str, role: Role) -> Array:
-    """A named spectrum at the 471 wavelengths."""
+def spectrum(name: str) -> Array:
+    """A named spectrum at 360, 361 ... 830 nm, (471,), an illuminant's mean under ybar being 1 as in pbrt.
+
+    PenumbraError for other names.
+    """
     if name in ILLUMINANTS:
-        if role != "illuminant":
-            raise PenumbraError(f"{name!r} is the spectrum of a light, and cannot stand for anything else")
-        return _illuminant(ILLUMINANTS[name])
+        light, bright = _illuminant(ILLUMINANTS[name]), _standard().xyz[1]
+        return light * (bright.sum() / (bright @ light))
+    if name in GLASSES:
+        return np.full(471, GLASSES[name])
     material, _, quantity = name.rpartition("-")
     if material not in METALS or quantity not in ("eta", "k"):
-        allowed = [*ILLUMINANTS, *(f"{metal}-eta and -k" for metal in METALS)]
+        allowed = [*ILLUMINANTS, *GLASSES, *(f"{metal}-eta and -k" for metal in METALS)]
         raise PenumbraError(f"unknown spectrum {name!r}; there are {', '.join(allowed)}")
-    if role != "unbounded":
-        raise PenumbraError(f"{name!r} is part of a refractive index, and cannot stand for anything else")
     table = _metals()[material]
     values: Array = table[1] if quantity == "eta" else table[2]
     return np.interp(_wavelengths(), np.asarray(table[0]), values)

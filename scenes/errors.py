@@ -67,7 +67,11 @@ class Report:
         if self._strict:
             self.add(message, where)
         else:
-            self._notes.setdefault(_one_line(message), {})[where] = None
+            self.remark(message, where)
+
+    def remark(self, message: str, where: Location) -> None:
+        """Note a place that looks like a mistake, of which pbrt makes the same image."""
+        self._notes.setdefault(_one_line(message), {})[where] = None
 
     def notes(self) -> tuple[str, ...]:
         """One line for each kind of note, with its first place and how many more there are."""

@@ -14,6 +14,12 @@ from pathlib import Path
 from scenes.errors import Location, PenumbraError, SceneError
 
 FILE_LIMIT = 2**30  # bytes, after decompression
+POINTER = (
+    b"version https://git-lfs.github.com/spec/"  # how the stand-in of a file that was not fetched begins
+)
+
+
+_ESCAPED = "\b\f\n\r\t"  # what \b and the like in a path become
 
 
 class Files:
@@ -32,8 +38,10 @@ class Files:
         SceneError at `where` if it lies outside the root, also by way of a symbolic link.
         """
         folders = [self._root, near] if near is not None else [self._root]
+        names = [name, name.replace("\\", "/")] if "\\" in name else [name]  # files written on Windows
         try:
-            inside = [path for path in (folder / name for folder in folders) if self._allowed(path)]
+            paths = (folder / one for one in names for folder in folders)
+            inside = [path for path in paths if self._allowed(path)]
             found = next((path for path in inside if path.exists()), None)
         except (OSError, ValueError, RuntimeError) as error:
             raise SceneError(f"{name!r} is no file name: {error}", where) from None
@@ -43,6 +51,12 @@ class Files:
                 "same, allow files from outside (penumbra --allow-outside COMMAND ...)",
                 where,
             )
+        if found is None and any(control in name for control in _ESCAPED):
+            raise SceneError(
+                f"no file {name!r}: a backslash in a string begins an escape; write / between folders", where
+            )
+        if found is None and len(names) > 1:
+            raise SceneError(f"no file {name!r}, nor one with / for its backslashes", where)
         return found or inside[0]
 
     def _allowed(self, path: Path) -> bool:
@@ -59,6 +73,7 @@ def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
             raise PenumbraError(f"cannot read {str(path)!r}: it is a folder")
         if not stat.S_ISREG(status.st_mode):
             raise PenumbraError(f"cannot read {str(path)!r}: it is no regular file")
+        check_fetched(path)
         with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
             data = stream.read(first)
     except (OSError, ValueError, EOFError, zlib.error) as error:
@@ -67,6 +82,15 @@ def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
     if len(data) > FILE_LIMIT:
         raise PenumbraError(f"cannot read {str(path)!r}: it is larger than {FILE_LIMIT >> 20} MiB")
     return data
+
+
+def check_fetched(path: Path) -> None:
+    """PenumbraError where Git left a pointer in place of a large file; OSError where it cannot be read."""
+    with path.open("rb") as stream:
+        if stream.read(len(POINTER)) == POINTER:
+            raise PenumbraError(
+                f"{str(path)!r} is a Git LFS pointer, not the file itself: fetch it with `git lfs pull`"
+            )
 
 
 @contextmanager

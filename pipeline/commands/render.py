@@ -62,6 +62,7 @@ def render(
     from pipeline.console.console import Console
     from pipeline.run.job import ReadScene, build_scene, run_job
     from pipeline.schema.record import Job
+    from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
 
     console = Console(as_json=as_json, quiet=quiet)
     target, description = image_target(output), open_scene(scene, define, console, strict, substitute)
@@ -82,6 +83,8 @@ def render(
         built = build_scene(ReadScene(description, description.content_hash(), 0.0))
         done = run_job(job, built, prune=prune, threads=threads, progress=update)
     _write(target, done)
+    if not built.built.sources.all and ESTIMATORS[estimator].quantity == RADIANCE:
+        console.note(f"{scene}: the scene has no lights: its image is black, as pbrt's")
     _tell(console, target, done, description)
 
 

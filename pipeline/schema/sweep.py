@@ -172,7 +172,7 @@ def load_sweep(name_or_path: str) -> Sweep:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise PenumbraError(f"{path}: cannot read the sweep: {error.strerror}") from error
     except UnicodeDecodeError as error:

@@ -17,19 +17,28 @@ Array = NDArray[np.float64]
 MOST_HALF = 65504.0  # the largest number of 16 bits
 
 
-def colour_planes(path: Path, names: Sequence[str], alpha: bool) -> tuple[int, ...]:
-    """The channels R, G and B by number, with A behind them if `alpha` and there is one; or the only one
-    beside an alpha.
+def colour_planes(path: Path, names: Sequence[str], alpha: bool) -> tuple[str, tuple[int, ...]]:
+    """The layer, "" for none, and its channels R, G and B by number, with A behind them if `alpha` and there
+    is one; or the only channel beside an alpha.
 
-    Upper and lower case are the same. PenumbraError naming `path` if there is neither.
+    Upper and lower case are the same. A layer counts where there is one alone. PenumbraError naming `path`
+    where it is not clear what the colours are.
     """
     named = {name.upper(): i for i, name in enumerate(names)}
     if all(name in named for name in "RGB"):
-        return tuple(named[name] for name in ("RGBA" if alpha and "A" in named else "RGB"))
+        return "", tuple(named[name] for name in ("RGBA" if alpha and "A" in named else "RGB"))
     gray = [i for name, i in named.items() if name not in ("A", "ALPHA")]
-    if len(gray) != 1:
-        raise PenumbraError(f"{path}: neither R, G and B nor one channel; there are: {', '.join(names)}")
-    return (gray[0],)
+    if len(gray) == 1:
+        return "", (gray[0],)
+    layers = [
+        name[:-2] for name in names
+        if name[-2:].upper() == ".R" and all(f"{name[:-2]}.{one}".upper() in named for one in "GB")
+    ]  # fmt: skip
+    if len(layers) != 1:
+        several = f"R, G and B in {len(layers)} layers" if layers else "neither R, G and B nor one channel"
+        raise PenumbraError(f"{path}: {several}; there are: {', '.join(names)}")
+    own = {one: named.get(f"{layers[0]}.{one}".upper()) for one in ("RGBA" if alpha else "RGB")}
+    return layers[0], tuple(i for i in own.values() if i is not None)
 
 
 def checked_encoding(encoding: str) -> float | None:

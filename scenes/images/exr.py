@@ -20,7 +20,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from scenes.errors import PenumbraError
-from scenes.files import replacing
+from scenes.files import check_fetched, replacing
 from scenes.images.encodings import as_stored, colour_planes, decoded, encoded
 from scenes.images.png import RGBA, PngHeader, Unsound, check_png_pixels, png_header
 
@@ -61,8 +61,9 @@ class EstimateImage:
 class TextureHeader:
     """What a texture's file says before its texels are read.
 
-    planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. kind:
-    OpenImageIO's name of the format. storage: what pbrt keeps it in, "bytes", "half" or "float".
+    planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. layer:
+    of an EXR that these are part of, "" for none. kind: OpenImageIO's name of the format. storage: what pbrt
+    keeps it in, "bytes", "half" or "float".
     chromaticities: an EXR's, x and y of R, G, B and white.
     """
 
@@ -70,6 +71,7 @@ class TextureHeader:
     height: int
     width: int
     planes: tuple[int, ...]
+    layer: str
     kind: str
     storage: str
     chromaticities: tuple[float, ...] | None
@@ -164,11 +166,11 @@ def texture_header(path: str | Path) -> TextureHeader:
             )
         found = spec.getattribute("chromaticities") if kind == "openexr" else None
         storage = "half" if (kind, depth) == ("png", "uint16") else _STORAGE.get(depth, "float")
-    planes = colour_planes(
+    layer, planes = colour_planes(
         path, spec.channelnames, kind == "openexr" or (png is not None and png.colour == RGBA)
     )
     chromaticities = None if found is None else tuple(float(number) for number in found)
-    return TextureHeader(path, spec.height, spec.width, planes, kind, storage, chromaticities, png)
+    return TextureHeader(path, spec.height, spec.width, planes, layer, kind, storage, chromaticities, png)
 
 
 def read_texels(header: TextureHeader, encoding: str = "sRGB") -> Array:
@@ -249,6 +251,10 @@ def _image_file(path: str | Path) -> Path:
         raise PenumbraError(
             f"{path}: {'a pipe or a device, not an' if path.exists() else 'no such'} image file"
         )
+    try:
+        check_fetched(path)
+    except OSError as error:
+        raise PenumbraError(f"{path}: not a readable image: {error.strerror}") from None
     return path
 
 

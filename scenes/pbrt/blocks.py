@@ -10,7 +10,7 @@ from scenes.errors import SceneError
 from scenes.pbrt.state import Builder, GraphicsState, InstanceUse, check_room
 from scenes.pbrt.text.lexer import Token
 
-NESTING_LIMIT = 256
+NESTING_LIMIT = 10_000
 INSTANCE_LIMIT = 10_000_000
 OPENED_BY = {"AttributeEnd": "AttributeBegin", "TransformEnd": "TransformBegin", "ObjectEnd": "ObjectBegin"}
 # pbrt-v4 takes TransformBegin for AttributeBegin, with a warning.
@@ -42,10 +42,13 @@ class Blocks:
 
     def end(self, token: Token) -> None:
         """Restore the state that the innermost block saved; SceneError where `token` does not close that
-        kind.
+        kind. An `AttributeEnd` too many is ignored, as pbrt ignores it.
         """
         opener = OPENED_BY[token.text]
         if not self._open or self._open[-1].name == "Import":
+            if SAME.get(token.text, token.text) == "AttributeEnd":
+                self._builder.report.remark(f"{token} without {opener} is ignored, as in pbrt", token.where)
+                return
             raise SceneError(f"{token} without {opener}", token.where)
         block = self._open[-1]
         if block.name != SAME.get(opener, opener):

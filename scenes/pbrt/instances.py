@@ -14,6 +14,7 @@ from scenes.description.shapes import Array, Faces, Mesh, TriangleMesh, vertex_n
 from scenes.errors import Report, SceneError
 from scenes.pbrt.directives.shapes import place, range_problem
 from scenes.pbrt.state import InstanceUse, PlacedShape
+from scenes.pbrt.transforms import FLAT
 
 FACES = 50_000_000  # of all instances together: some 4 GB
 SINGLES = 1_000_000  # spheres and disks, each a shape of its own
@@ -59,6 +60,8 @@ def expand_instances(
     single: list[PlacedShape] = []
     for use in uses:
         for shape in objects[use.name]:
+            if use.transform.flattens and not isinstance(shape.geometry, Mesh):
+                raise SceneError(FLAT, use.where)
             moved = place(shape.geometry, use.transform)
             if moved is None:
                 report.add(

@@ -33,10 +33,6 @@ from scenes.pbrt.state import Builder, PlacedShape
 from scenes.pbrt.text.lexer import Source, decode, read_source
 from scenes.pbrt.text.template import Bindings, Values, read_header
 
-NO_INTEGRATOR = (
-    "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
-)
-
 
 def parse_file(
     path: Path,
@@ -120,7 +116,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
         builder.occlusion_distance,
         builder.defaults,
         parameters,
-        (*(() if builder.integrator else (NO_INTEGRATOR,)), *report.notes()),
+        report.notes(),
         report.substitutions(),
     )
 

@@ -18,12 +18,16 @@ from scenes.pbrt.directives.shapes import mesh_run
 from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, WORLD
 from scenes.pbrt.directives.textures import declare, texture
 from scenes.pbrt.state import Builder, MediumInterface, NamedMaterial, check_room
-from scenes.pbrt.text.lexer import Source, Token
+from scenes.pbrt.text.lexer import Source, Token, odd_space
 from scenes.pbrt.text.parameters import OTHER_SPACES, SPACES, Parameters
 from scenes.pbrt.text.stream import TokenStream
 from scenes.pbrt.text.syntax import PARAMETERS, Syntax
 from scenes.pbrt.text.template import Bindings, Header
 from scenes.pbrt.transforms import ARGUMENTS, apply_directive, identity
+
+NO_INTEGRATOR = (
+    "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
+)
 
 
 class Reader:
@@ -119,6 +123,8 @@ class Reader:
             self._parametrised(token)
         else:
             known = [*ARGUMENTS, *self._words, *self._world_words, *OPTIONS, *WORLD, *ANYWHERE]
+            if hint := odd_space(name):
+                raise SceneError(f"unknown directive {_short(name)!r}{hint}", token.where)
             raise SceneError(
                 f"unknown directive {_short(name)!r}; there are: {', '.join(sorted(known))}", token.where
             )
@@ -162,6 +168,8 @@ class Reader:
     def _world_begin(self, token: Token) -> None:
         if self.builder.in_world:
             raise SceneError("WorldBegin is given twice", token.where)
+        if self.builder.integrator is None:
+            self.builder.report.note(NO_INTEGRATOR, token.where)
         self.builder.camera = framed(self.builder)
         self.builder.in_world = True
         self.builder.state = replace(self.builder.state, transform=identity())
@@ -206,7 +214,11 @@ class Reader:
         name = self._syntax.string(token)
         if name not in self.builder.systems:
             known = ", ".join(self.builder.systems) or "none"
-            raise SceneError(f"no coordinate system is called {name!r}; there are: {known}", token.where)
+            problem = (
+                f"no coordinate system is called {name!r}: it is ignored, as in pbrt; there are: {known}"
+            )
+            self.builder.report.remark(problem, token.where)
+            return
         self.builder.state = replace(self.builder.state, transform=self.builder.systems[name])
 
     def _color_space(self, token: Token) -> None:

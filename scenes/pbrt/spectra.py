@@ -6,6 +6,8 @@ luminance 1 before `scale` and `power` are applied.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -15,30 +17,40 @@ from numpy.typing import NDArray
 from scenes.errors import PenumbraError, SceneError
 from scenes.files import read_bytes
 from scenes.pbrt.text.lexer import Token
+from scenes.pbrt.text.numbers import Values
 from scenes.pbrt.text.parameters import SRGB, Parameter, Parameters
 from scenes.pbrt.text.template import NUMBER
 
 Array = NDArray[np.float64]
 Role = Literal["illuminant", "reflectance", "unbounded"]
 
+HELIUM = 587.6  # nm, the yellow line at which catalogues give an index of refraction
+WAVELENGTHS = np.linspace(360.0, 830.0, 471)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB
 
 
-def colour(parameters: Parameters, name: str, role: Role) -> Array | None:
+def colour(parameters: Parameters, name: str, role: Role, first: bool = False) -> Array | None:
     """One colour, (3,) float64 of linear sRGB, None if not given; SceneError if a component is negative or
     too large for its role.
+
+    first: whether the first of several is taken, as pbrt takes it for an infinite light.
     """
     parameter = parameters.take(name, "rgb", "spectrum", "blackbody")
-    return None if parameter is None else colour_of(parameters, parameter, role)
+    return None if parameter is None else colour_of(parameters, parameter, role, first)
 
 
-def colour_of(parameters: Parameters, parameter: Parameter, role: Role) -> Array:
+def colour_of(parameters: Parameters, parameter: Parameter, role: Role, first: bool = False) -> Array:
     """The colour of a parameter that was taken; as `colour`."""
+    size = {"rgb": 3, "blackbody": 1}.get(parameter.type, 0)
+    if first and size and len(parameter.values) > size and len(parameter.values) % size == 0:
+        parameters.remark(parameter.name, f"{parameter} has several values: the first holds, as in pbrt")
+        kept = list(islice(iter(parameter.values), size))
+        parameter = replace(parameter, values=Values(kept))
     if parameter.type == "rgb":
         return _rgb(parameters, parameter, role)
     try:
         if parameter.type == "blackbody":
-            return _blackbody(parameters, parameter)
+            return _blackbody(parameters, parameter, role)
         return _spectrum(parameters, parameter, role)
     except SceneError:
         raise
@@ -62,19 +74,20 @@ def _rgb(parameters: Parameters, parameter: Parameter, role: Role) -> Array:
     return color.from_space(parameter.space, values, 1.0 if role == "reflectance" else np.inf)
 
 
-def _blackbody(parameters: Parameters, parameter: Parameter) -> Array:
+def _blackbody(parameters: Parameters, parameter: Parameter, role: Role) -> Array:
     from scenes import color  # here, because most scenes name no spectra and its tables take time
 
     values = parameters.values(parameter)
     if len(values) != 1:
         raise SceneError(
-            f"{parameter} takes one temperature in kelvin, not {len(values)} numbers", parameter.where
+            f"{parameter} takes one temperature in kelvin, not {len(values)} numbers; a factor is a `scale`",
+            parameter.where,
         )
     if not values[0] > 0:
         raise SceneError(
             f"{parameter}: a temperature is positive, in kelvin, not {values[0]:g}", parameter.where
         )
-    return color.blackbody(float(values[0]))
+    return color.blackbody(float(values[0]), role)
 
 
 def _spectrum(parameters: Parameters, parameter: Parameter, role: Role) -> Array:
@@ -100,6 +113,35 @@ def spectrum_name(parameter: Parameter) -> str | None:
 def _is_file(token: Token) -> bool:
     """pbrt takes whatever is none of its names for a file; none of those has a suffix."""
     return token.kind == "string" and Path(token.text).suffix != ""
+
+
+def index_of(parameters: Parameters, parameter: Parameter) -> float:
+    """The index of refraction of a glass given by a spectrum or a colour: at 587.6 nm, or the colour's
+    luminance. Its dispersion is left out, with a note.
+    """
+    from scenes import color
+
+    if parameter.type == "spectrum":
+        name = spectrum_name(parameter)
+        try:
+            nm, values = (
+                (WAVELENGTHS, color.spectrum(name)) if name is not None else samples(parameters, parameter)
+            )
+        except SceneError:
+            raise
+        except PenumbraError as error:
+            raise SceneError(f"{parameter}: {error}", parameter.where) from None
+        eta, constant = float(np.interp(HELIUM, nm, values)), bool(np.ptp(values) == 0 and name is None)
+    else:
+        colour = colour_of(parameters, parameter, "unbounded")
+        eta, constant = float(colour @ LUMINANCE), bool(np.ptp(colour) == 0)
+        eta = float(colour[0]) if constant else eta
+    if not constant:
+        named = parameter.values.token(0).text if parameter.type == "spectrum" else str(parameter)
+        named = str(parameter) if parameter.values.token(0).kind != "string" else named
+        message = f"the dispersion of {named} is left out: eta is {eta:g} for all of the spectrum"
+        parameters.note(parameter.name, message)
+    return eta
 
 
 def samples(parameters: Parameters, parameter: Parameter) -> tuple[Array, Array]:

@@ -17,12 +17,16 @@ Array = NDArray[np.float64]
 COORDINATE_LIMIT = 1e18  # beyond it squares overflow the float32 of ray tracers
 SHAPE_TOLERANCE = 1e-5  # matrices in scene files are often rounded to six digits
 INVERSE_TOLERANCE = 1e-6
+FLAT = "the transformation flattens space: it has no inverse"
 ROUNDING = 1e-14  # what is orthogonal up to this is inverted by transposition, exactly
 
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """matrix, inverse: (4, 4) float64; columns are the images of the axes, as in pbrt."""
+    """matrix, inverse: (4, 4) float64; columns are the images of the axes, as in pbrt.
+
+    The inverse is NaN where there is none: then space is flattened, and only points can be placed.
+    """
 
     matrix: Array
     inverse: Array
@@ -47,6 +51,11 @@ class Transform:
         """Transform normals by the inverse transpose, (m, 3) -> (m, 3); lengths are not kept."""
         rows = self.inverse
         return n[:, :1] * rows[0, :3] + n[:, 1:2] * rows[1, :3] + n[:, 2:] * rows[2, :3] + 0.0
+
+    @property
+    def flattens(self) -> bool:
+        """Whether there is no inverse."""
+        return bool(np.isnan(self.inverse[0, 0]))
 
     @property
     def swaps_handedness(self) -> bool:
@@ -78,9 +87,9 @@ def translate(x: float, y: float, z: float) -> Transform:
 
 
 def scale(x: float, y: float, z: float) -> Transform:
-    """Scaling along the axes; ValueError if a factor is 0."""
+    """Scaling along the axes."""
     if 0 in (x, y, z):
-        raise ValueError("a factor of 0 flattens space")
+        return Transform(np.diag([x, y, z, 1.0]), np.full((4, 4), np.nan))
     return Transform(np.diag([x, y, z, 1.0]), np.diag([1 / x, 1 / y, 1 / z, 1.0]))
 
 
@@ -116,8 +125,8 @@ def look_at(eye: Array, target: Array, up: Array) -> Transform:
 
 
 def from_matrix(values: Sequence[float]) -> Transform:
-    """The matrix of `Transform` and `ConcatTransform`: 16 numbers, column after column; ValueError if not
-    invertible.
+    """The matrix of `Transform` and `ConcatTransform`: 16 numbers, column after column; ValueError where its
+    last number is 0.
     """
     matrix = np.array(values).reshape(4, 4).T + 0.0
     if np.any(matrix[3, :3]):
@@ -133,10 +142,10 @@ def from_matrix(values: Sequence[float]) -> Transform:
     try:
         inverse = np.linalg.inv(matrix).astype(np.float64)
     except np.linalg.LinAlgError:
-        raise ValueError("the matrix has no inverse") from None
+        return Transform(matrix, np.full((4, 4), np.nan))
     inverse[3] = (0, 0, 0, 1)
     if not np.abs(_product(matrix, inverse) - np.eye(4)).max() <= INVERSE_TOLERANCE:
-        raise ValueError("the matrix has no inverse that can be computed")
+        inverse = np.full((4, 4), np.nan)  # none that can be computed
     return Transform(matrix, inverse)
 
 
@@ -212,7 +221,7 @@ def apply_directive(name: str, values: Sequence[float], current: Transform, wher
         except ValueError as error:
             raise SceneError(f"{name}: {error}", where) from None
         result = made if name in ("Identity", "Transform") else current @ made
-        for matrix in (result.matrix, result.inverse):
+        for matrix in (result.matrix,) if result.flattens else (result.matrix, result.inverse):
             if not np.all(np.abs(matrix) <= COORDINATE_LIMIT):
                 raise SceneError(
                     f"{name}: it, or its inverse, is beyond {COORDINATE_LIMIT:g}, the range of coordinates",

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.scene import Camera, Film, Lens, OrthographicCamera, PerspectiveCamera, PixelFilter
-from scenes.errors import Unsupported
+from scenes.errors import SceneError, Unsupported
 from scenes.pbrt.state import FILTERS, Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
-from scenes.pbrt.transforms import rigid
+from scenes.pbrt.transforms import FLAT, rigid
 
 FILM_LIMIT = 65_535
 SAME_WINDOW = 1e-4  # relative; files write 1.7778 for 16 / 9
@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Camera`: a projection, with or without a lens, under any invertible transformation."""
+    if builder.state.transform.flattens:
+        raise SceneError(FLAT, parameters.where)
     builder.systems["camera"] = builder.state.transform.inverted()
     if builder.state.media is not None:
         builder.media_used.append((replace(builder.state.media, inside=""), None))

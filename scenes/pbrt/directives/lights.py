@@ -57,11 +57,11 @@ def emitted(parameters: Parameters, name: str) -> Array:
 
 
 def factor(parameters: Parameters) -> float:
-    """`scale`."""
+    """`scale`; pbrt takes light away where it is negative."""
     found = parameters.number("scale", 1.0)
     if found < 0:
-        raise parameters.fail("scale", f"scale must not be negative: {found:g}")
-    return found
+        parameters.substitute("scale", "a light of negative scale", "as no light")
+    return max(found, 0.0)
 
 
 def checked(parameters: Parameters, name: str, radiance: Array) -> Array:
@@ -158,7 +158,7 @@ def _(light: DistantLight, files: SideFiles) -> list[str]:
 
 
 def _infinite(builder: Builder, parameters: Parameters) -> Light:
-    found = colour(parameters, "L", "illuminant")
+    found = colour(parameters, "L", "illuminant", first=True)
     light = infinite(builder, parameters, found, factor(parameters), _positive(parameters, "illuminance"))
     checked(parameters, "L", light.radiance if light.image is None else light.radiance * light.image.max())
     return light

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scenes.description.materials import Conductor, Dielectric, Diffuse, Material, Microfacets
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.textures import TextureWriter, named_texture
-from scenes.pbrt.spectra import colour, colour_of, samples, spectrum_name
+from scenes.pbrt.spectra import colour, colour_of, index_of, samples, spectrum_name
 from scenes.pbrt.state import (
     DEFAULT_REFLECTANCE,
     Builder,
@@ -32,11 +32,6 @@ Array = NDArray[np.float64]
 
 SMOOTH = 1e-3  # where neither alpha reaches this, pbrt-v4 takes a surface for smooth
 LEAST = 1e-4  # the least alpha of a surface that is not
-# pbrt's glasses by their index at 587.6 nm, as Schott's catalogue has it.
-GLASSES = {
-    "glass-BK7": 1.5168, "glass-BAF10": 1.67003, "glass-FK51A": 1.48656, "glass-LASF9": 1.85025,
-    "glass-F5": 1.60342, "glass-SF5": 1.67271, "glass-SF10": 1.72825, "glass-SF11": 1.78472,
-}  # fmt: skip
 
 
 def material(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -153,18 +148,12 @@ def _thin_dielectric(parameters: Parameters) -> Dielectric:
 
 
 def _glass(parameters: Parameters, alpha: float, alpha_v: float | None, thin: bool = False) -> Dielectric:
-    """eta: a number, or a glass of pbrt's by its name, whose dispersion is left out."""
-    parameter = parameters.take("eta", "float", "spectrum")
+    """eta: a number or a spectrum."""
+    parameter = parameters.take("eta", "float", "rgb", "spectrum")
     if parameter is None or parameter.type == "float":
         eta = parameters.number("eta", 1.5)
     else:
-        name = spectrum_name(parameter)
-        if name not in GLASSES:
-            allowed = ", ".join(f'"{one}"' for one in GLASSES)
-            raise parameters.fail("eta", f"eta is a number or one of {allowed}")
-        eta = GLASSES[name]
-        message = f"the dispersion of {name} is left out: eta is {eta:g} for all of the spectrum"
-        parameters.note("eta", message)
+        eta = index_of(parameters, parameter)
     if not eta > 0:
         raise parameters.fail("eta", f"eta must be positive, not {eta:g}")
     return Dielectric(eta, alpha, thin, alpha_v)

@@ -51,7 +51,7 @@ def leave_out(builder: Builder, light: AreaLight | None, where: Location) -> Non
     """Leave out a shape that light passes through, and its own light with it, as pbrt does."""
     builder.interfaces += 1
     if light is not None:
-        builder.report.note(LIGHTLESS, where)
+        builder.report.remark(LIGHTLESS, where)
 
 
 def surfaces(builder: Builder, shapes: Iterable[PlacedShape]) -> list[PlacedShape]:
@@ -86,7 +86,7 @@ def report_media(builder: Builder) -> None:
                 builder.report.substitute(f'medium "{name}"', "as empty space", media.where)
             else:
                 ignored = f'medium "{name}" is left out, as pbrt leaves it out with Integrator "{kind}"'
-                builder.report.note(ignored, media.where)
+                builder.report.remark(ignored, media.where)
     blockable = kind == "ambientocclusion" or any(not light.surrounds for light in builder.lights)
     if builder.interfaces and kind not in VOLUMETRIC and place is not None and blockable:
         builder.report.note(BLOCKING, place)

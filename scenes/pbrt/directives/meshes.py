@@ -163,7 +163,7 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
         raise parameters.fail("filename", f"{name!r}: only .ply files, also as .ply.gz, are supported")
     if parameters.take("displacement", "texture") is not None:
         parameters.unsupported("displacement", "displacement is not supported")
-    parameters.number("displacement.edgelength", 1.0)  # of no effect without one
+    parameters.number("edgelength", parameters.number("displacement.edgelength", 1.0))  # of no effect without
     try:
         mesh = read_ply(parameters.resolve(name))
     except SceneError:

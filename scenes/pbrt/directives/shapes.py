@@ -23,8 +23,10 @@ from scenes.pbrt.directives.subdivision import loop_subdivision
 from scenes.pbrt.state import Builder, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
-from scenes.pbrt.transforms import COORDINATE_LIMIT, Transform, orthonormal, uniform_scale, unit
+from scenes.pbrt.transforms import COORDINATE_LIMIT, FLAT, Transform, orthonormal, uniform_scale, unit
 from scenes.pbrt.write.text import block, matrix, numbers, rotation
+
+MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")  # which may be flattened
 
 
 def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -41,8 +43,8 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
         return
     light = state.light
     if light is not None and builder.current_object is not None:
-        builder.report.add(
-            "an area light inside an object is not supported (pbrt leaves its light out)", parameters.where
+        builder.report.remark(
+            "the area light of a shape in an object is left out, as in pbrt", parameters.where
         )
         light = None
     placement = Placement(state.transform, state.reverse, light)
@@ -75,6 +77,8 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
             f"shape {kind!r} is not supported; supported: {', '.join(_SHAPES)}", parameters.where
         )
     _check_alpha(parameters)
+    if placement.transform.flattens and kind not in MESHES:
+        raise SceneError(FLAT, parameters.where)
     with np.errstate(all="ignore"):
         geometries = _SHAPES[kind](parameters, placement)
         for geometry in geometries:

@@ -68,6 +68,9 @@ def _found(
 
     _at(parameters, "encoding", lambda: checked_encoding(encoding))
     header = _at(parameters, "filename", lambda: texture_header(parameters.resolve(name)))
+    if header.layer:
+        layer = f'the image has no R, G and B but in its layer "{header.layer}", which is taken'
+        parameters.note("filename", f"{layer}; pbrt refuses it")
     if header.png is None:
         encoding = "sRGB"  # pbrt takes the word for PNG files only
     if header.chromaticities is not None:

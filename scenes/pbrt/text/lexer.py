@@ -111,6 +111,12 @@ class Tokenizer:
         return None
 
 
+def odd_space(text: str) -> str:
+    """A hint where a word holds what looks like white space and is none to pbrt, else ""."""
+    odd = next((c for c in text if (c.isspace() and c not in " \t\r\n") or c in "\u200b\ufeff"), None)
+    return "" if odd is None else f": U+{ord(odd):04X} in it is no white space to pbrt; put a space"
+
+
 def tokenize(source: Source, start: int = 0) -> Iterator[Token]:
     """All tokens of `source` from offset `start` on."""
     tokenizer = Tokenizer(source, start)
@@ -131,7 +137,7 @@ def _unquote(text: str, source: Source, offset: int) -> str:
         if match.group(1) not in _ESCAPED:
             allowed = " ".join(f"\\{letter}" for letter in _ESCAPED)
             raise SceneError(
-                f"unknown escape {match.group()!r} in a string; there are: {allowed}",
+                f"unknown escape {match.group()!r} in a string; there are: {allowed}; in a path write /",
                 source.location(offset + 1 + match.start()),
             )
         return _ESCAPED[match.group(1)]

@@ -29,7 +29,7 @@ SRGB = "srgb"
 SPACES = (SRGB, "rec2020", "dci-p3")  # those whose white is sRGB's
 OTHER_SPACES = ("aces2065-1",)
 # What pbrt takes where it takes numbers or colours, and nothing here does but where it says so.
-OTHER_FORMS = {"texture": ("float", "rgb", "spectrum"), "blackbody": ("rgb", "spectrum")}
+OTHER_FORMS = {"texture": ("float", "rgb", "spectrum")}
 # What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is
 # meant for other kinds, it is
 # reported all the same wherever it would have an effect.
@@ -74,7 +74,7 @@ class Parameters:
         self._given: dict[str, Parameter] = {}
         for item in items:
             if item.name in self._given:
-                report.note(
+                report.remark(
                     f'"{item.name}" is given twice to {owner}: the last one holds, as in pbrt', item.where
                 )
             self._given[item.name] = item
@@ -108,6 +108,14 @@ class Parameters:
     def note(self, name: str, message: str) -> None:
         """Note where `name` makes the image differ from pbrt's."""
         self._report.note(message, self.located(name))
+
+    def substitute(self, name: str, what: str, nearest: str) -> None:
+        """Refuse what `name` asks for unless it may be rendered as the nearest that is simulated."""
+        self._report.substitute(what, nearest, self.located(name))
+
+    def remark(self, name: str, message: str) -> None:
+        """Note what looks like a mistake and changes no image."""
+        self._report.remark(message, self.located(name))
 
     def number(self, name: str, default: float) -> float:
         """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a
@@ -178,9 +186,11 @@ class Parameters:
         """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of
         these types.
 
-        None too where it is of a form that pbrt would take, which is then reported. An `Attribute` of another
-        type is meant for others.
+        Where a spectrum may stand, so may a blackbody. None too where it is of a form that pbrt would take,
+        which is then reported. An `Attribute` of another type is meant for others.
         """
+        if "spectrum" in types and "blackbody" not in types:
+            types = (*types, "blackbody")
         self._supported.extend(f"{type_} {name}" for type_ in types)
         self._unread.pop(name, None)
         for parameter in self._items(name):

@@ -10,8 +10,8 @@ from scenes.pbrt.text.lexer import Source, Token, Tokenizer, read_source
 from scenes.pbrt.text.mesh_runs import MeshRun, read_meshes
 from scenes.pbrt.text.numbers import Run, read_run
 
-INCLUDE_DEPTH = 16
-INCLUDE_COUNT = 1000  # files that include each other twice would else grow as a power of two
+INCLUDE_DEPTH = 64
+INCLUDE_COUNT = 100_000  # files that include each other twice would else grow as a power of two
 
 
 class TokenStream:
@@ -21,6 +21,7 @@ class TokenStream:
         self._main = source
         self._files = files
         self._stack: list[tuple[Tokenizer, Token | None]] = [(Tokenizer(source, start), None)]
+        self._open: list[Path] = [Path(source.file).resolve()]  # the file of each
         self._peeked: Token | None = None
         self._included = self._read = 0
         self._tried = source, 0  # up to where no run of meshes begins
@@ -35,6 +36,7 @@ class TokenStream:
             if token is not None:
                 return token
             _, end = self._stack.pop()
+            self._open.pop()
             if end is not None:
                 return end
         return None
@@ -85,8 +87,8 @@ class TokenStream:
         what cannot be read.
         """
         path = self.find(name, token)
-        here = [Path(tokenizer.source.file).resolve() for tokenizer, _ in self._stack]
-        if path.resolve() in here:
+        resolved = path.resolve()
+        if resolved in self._open:
             raise SceneError(f"{name!r} includes itself", token.where)
         self._included += 1
         if len(self._stack) >= INCLUDE_DEPTH or self._included > INCLUDE_COUNT:
@@ -99,6 +101,7 @@ class TokenStream:
         if self._read > FILE_LIMIT:
             raise SceneError(f"the included files are larger than {FILE_LIMIT >> 20} MiB in all", token.where)
         self._stack.append((Tokenizer(source), end))
+        self._open.append(resolved)
 
     def end(self) -> Location:
         """The end of the main file, for what is missing from it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from scenes.errors import Report, SceneError
-from scenes.pbrt.text.lexer import Token
+from scenes.pbrt.text.lexer import Token, odd_space
 from scenes.pbrt.text.numbers import SINGLES, Run, Values
 from scenes.pbrt.text.parameters import SPELLINGS, TYPES, TYPES_OF_VERSION_3, VERSION_3, Parameter, Parameters
 from scenes.pbrt.text.stream import TokenStream
@@ -76,9 +76,11 @@ class Syntax:
         return items
 
     def _parameter(self, head: Token) -> Parameter:
-        words = head.text.split()
-        if len(words) != 2:
-            raise SceneError(f'{head} is no parameter: write "type name" and its values', head.where)
+        words = head.text.replace("\t", " ").split(" ")
+        words = [word for word in words if word]  # what stands behind the name is of no effect, as in pbrt
+        if len(words) < 2:
+            hint = odd_space(head.text)
+            raise SceneError(f'{head} is no parameter: write "type name" and its values{hint}', head.where)
         type_ = SPELLINGS.get(words[0], words[0])
         if type_ in TYPES_OF_VERSION_3:
             raise SceneError(f"parameter type {type_!r} {VERSION_3}", head.where)

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from scenes.errors import Location, PenumbraError, SceneError
-from scenes.pbrt.text.lexer import Source, Token
+from scenes.pbrt.text.lexer import Source, Token, odd_space
 
 _HEADER_LINE = re.compile(r"[ \t\r]*(?:(#)(\$(?![^ \t\r\n]))?([^\r\n]*))?\r?(?:\n|\Z)")
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -146,7 +146,7 @@ class Bindings:
         if token.kind == "word" and token.text.startswith("$"):
             return self._substitute(token)
         if token.kind != "word" or NUMBER.fullmatch(token.text) is None:
-            raise SceneError(f"{token} is not a number", token.where)
+            raise SceneError(f"{token} is not a number{odd_space(token.text)}", token.where)
         value = float(token.text)
         if not math.isfinite(value):
             raise SceneError(f"{_short(token.text)} is beyond the range of a number", token.where)

@@ -134,6 +134,19 @@ def test_a_picture_that_is_not_pbrts_is_told_of(penumbra: Penumbra, tmp_path: Pa
     assert "Integrator" not in penumbra("render", scene, "-o", tmp_path / "a.exr")[2]
 
 
+@pytest.mark.parametrize("more", [[], ["--no-prune"], ["--estimator", "solid-angle"]])
+def test_a_scene_without_lights_is_black_as_in_pbrt(
+    penumbra: Penumbra, tmp_path: Path, more: list[str]
+) -> None:
+    scene, image = tmp_path / "dark.pbrt", tmp_path / "a.exr"
+    film = 'Film "rgb" "integer xresolution" 4 "integer yresolution" 3\n'
+    scene.write_text(f'Integrator "path" "integer maxdepth" 1\n{film}WorldBegin\nShape "sphere"\n')
+    code, _, err = penumbra("render", scene, "-o", image, "--spp", "1", "--strict", *more)
+    assert code == 0, err
+    assert "the scene has no lights: its image is black" in err
+    assert not read_estimate_exr(image).mean.any()
+
+
 def test_no_color_is_respected(tmp_path: Path) -> None:
     command = [
         sys.executable,

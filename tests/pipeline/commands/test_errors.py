@@ -21,7 +21,6 @@ DARK = 'Camera "perspective"\nIntegrator "path" "integer maxdepth" 1\nWorldBegin
 MISTAKES = [
     ("render nine -o {tmp}/a.exr", "unknown scene 'nine'; there are: .*disk-light, .*"),
     ("render {tmp}/no.pbrt -o {tmp}/a.exr", "there is no scene file '.*no.pbrt'"),
-    ("render {tmp}/dark.pbrt -o {tmp}/a.exr", "scene 'dark' has no lights: .*"),
     ("render {tmp}/bad.pbrt -o {tmp}/a.exr", r".*bad\.pbrt:3:1: .*WorldBgein.*"),
     ("render soft-shadow -o {tmp}/a.exr --spp 0", "spp is 0: it must be a whole number of at least 1"),
     ("render soft-shadow -o {tmp}/a.exr --seed -1", "seed is -1: .*"),

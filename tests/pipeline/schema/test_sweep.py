@@ -103,6 +103,11 @@ def test_missing_file_and_unknown_name(tmp_path: Path) -> None:
         load_sweep("nine")
 
 
+def test_a_byte_order_mark_is_no_part_of_a_sweep(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_bytes(b"\xef\xbb\xbf" + GOOD.encode())
+    assert load_sweep(str(tmp_path / "s.toml")).title == parse_sweep(GOOD, "s.toml", tmp_path).title
+
+
 def test_scene_paths_are_relative_to_the_sweep(tmp_path: Path) -> None:
     sweep = parse(GOOD.replace('"soft-shadow"', '"sub/mine.pbrt", "soft-shadow"'), tmp_path)
     assert sweep.study[0].scenes == [str(tmp_path / "sub/mine.pbrt"), "soft-shadow"]

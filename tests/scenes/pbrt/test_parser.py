@@ -12,7 +12,8 @@ from scenes.description.shapes import Emission, Sphere
 from scenes.errors import SceneError
 from scenes.pbrt.blocks import NESTING_LIMIT
 from scenes.pbrt.parser import parse, parse_file
-from scenes.pbrt.text.stream import INCLUDE_COUNT, INCLUDE_DEPTH
+from scenes.pbrt.text import stream
+from scenes.pbrt.text.stream import INCLUDE_DEPTH
 from tests.kit.scene_texts import HEAD, TRIANGLE, fails, world, world_fails
 
 BALL = 'Shape "sphere"\n'
@@ -119,7 +120,6 @@ def test_shapes_know_where_they_stand() -> None:
         ("]", 1, 1, ("]",)),
         ("WorldBegin", 1, 1, ("twice",)),
         ('Camera "perspective"', 1, 1, ("before WorldBegin",)),
-        ("AttributeEnd", 1, 1, ("without AttributeBegin",)),
         ("AttributeBegin AttributeBegin AttributeEnd\n", 1, 1, ("without AttributeEnd",)),
         ('Shape "cube"', 1, 1, ("'cube'", "trianglemesh, plymesh, bilinearmesh, loopsubdiv, sphere, disk")),
         ("Shape", 1, 1, ("quoted string",)),
@@ -132,7 +132,6 @@ def test_shapes_know_where_they_stand() -> None:
         ('Shape "sphere" "float radius" "1"', 1, 31, ("not a number",)),
         ('Shape "sphere" "double radius" 1', 1, 16, ("'double'", "float, integer")),
         ('Shape "sphere" "radius" 1', 1, 16, ("type name",)),
-        ('Shape "sphere" "float radius x" 1', 1, 16, ("type name",)),
         ('Shape "sphere" "integer radius" 1', 1, 16, ('"float radius"',)),
         ('Shape "sphere" "float size" 1', 1, 16, ('"float size"', '"float radius"')),
         ('Shape "sphere" "rgb color" [ 1 1 1 ]', 1, 16, ('"rgb color"', "supported parameters")),
@@ -210,7 +209,10 @@ def test_a_template_reaches_into_what_it_includes(tmp_path: Path) -> None:
     assert geometry.radius == 3.0
 
 
-def test_cycles_depth_and_number_of_includes_are_bounded(tmp_path: Path) -> None:
+def test_cycles_depth_and_number_of_includes_are_bounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stream, "INCLUDE_COUNT", 1000)
     loop = write(tmp_path, "loop.pbrt", HEAD + 'Include "other.pbrt"')
     write(tmp_path, "other.pbrt", '\nInclude "loop.pbrt"')
     with pytest.raises(SceneError, match=r"other.pbrt:2:1: .*includes itself"):
@@ -222,7 +224,7 @@ def test_cycles_depth_and_number_of_includes_are_bounded(tmp_path: Path) -> None
     write(tmp_path, "wide12.pbrt", "")
     for i in range(12):  # 2^12 files, if each were read
         write(tmp_path, f"wide{i}.pbrt", f'Include "wide{i + 1}.pbrt"\n' * 2)
-    with pytest.raises(SceneError, match=f"{INCLUDE_COUNT} in all"):
+    with pytest.raises(SceneError, match="1000 in all"):
         parse_file(write(tmp_path, "wide.pbrt", HEAD + 'Include "wide0.pbrt"'))
 
 

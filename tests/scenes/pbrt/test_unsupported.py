@@ -107,7 +107,6 @@ def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, pr
         'Material "conductor" "texture roughness" "r"',
         'Material "conductor" "texture eta" "r" "float roughness" .1',
         'Material "conductor" "texture reflectance" "r" "float roughness" .1',
-        'Material "diffuse" "blackbody reflectance" 3000',
         "ConcatTransform [ 1 0 0 .5 0 1 0 0 0 0 1 0 0 0 0 1 ]",
         'ObjectInstance "ball"',
         'AreaLightSource "diffuse" "string filename" "sky.exr" ' + TRIANGLE,

@@ -262,13 +262,20 @@ def noted(text: str, *words: str) -> SceneDescription:
         ('Film "rgb" "string sensor" "canon_eos_5d"', ("canon_eos_5d", "imaging ratio holds")),
         ('Film "rgb" "float whitebalance" 5000', ("whitebalance is left out",)),
         ('Film "rgb" "float maxcomponentvalue" 10', ("maxcomponentvalue, 10", "bias")),
-        ('Film "rgb" "integer xresolution" 2 "integer xresolution" 1280', ("given twice to Film", "last")),
     ],
 )
 def test_what_pbrt_would_do_further_is_noted_and_changes_nothing(line: str, words: tuple[str, ...]) -> None:
     integrator = "" if line.startswith("Integrator") else 'Integrator "path" "integer maxdepth" 1\n'
     scene = noted(f"{line}\n{integrator}{REST}", *words)
     assert scene.content_hash() == parse('Integrator "path" "integer maxdepth" 1\n' + REST).content_hash()
+
+
+def test_of_a_parameter_given_twice_the_last_one_holds_as_in_pbrt() -> None:
+    twice = 'Film "rgb" "integer xresolution" 2 "integer xresolution" 1280\n'
+    once = 'Integrator "path" "integer maxdepth" 1\n' + REST
+    scene = parse(twice + once, strict=True)  # the image is pbrt's
+    assert ["given twice to Film" in note for note in scene.notes] == [True]
+    assert scene.content_hash() == parse(once).content_hash()
 
 
 def test_notes_of_one_kind_are_one_line_with_their_number() -> None:
