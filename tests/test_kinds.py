@@ -49,7 +49,10 @@ HOMONYM = "the same word for another thing"
 # Files that use a kind and teach the tree nothing about it: path -> why. They are not counted.
 USES = {
     "spot light": {"pipeline/baseline/worker.py": "pyrender's own class of that name"},
-    "conductor": {"pipeline/references/mitsuba/plugins.py": "Mitsuba's own class of that name"},
+    "conductor": {
+        "pipeline/references/mitsuba/plugins.py": "Mitsuba's own class of that name",
+        "renderer/materials/coated.py": "the examples lay a coat over one",
+    },
     "checkerboard": {},
     "disk": {},
     # Words that mean the program, a metric or a command in the source, never the scene or the sweep.
@@ -183,7 +186,7 @@ def test_a_command_is_one_file(path: Path) -> None:
 # The kinds of a family; what carries one, or is part of one, is no kind itself.
 FAMILIES = {
     "lights": {"PointLight", "SpotLight", "DistantLight", "Environment"},
-    "materials": {"Diffuse", "Conductor", "Dielectric"},
+    "materials": {"Diffuse", "Conductor", "Dielectric", "Coated"},
     "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk"},
     "textures": {"ImageTexture", "Checkerboard", "Product", "Mix"},
 }

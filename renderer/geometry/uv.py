@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from renderer.geometry.analytic import SPHERE, AnalyticPrimitives
 from renderer.geometry.primitives import is_analytic
 from renderer.math.vectors import Floats, cross, dot
-from scenes.description.materials import Microfacets
+from scenes.description.materials import is_oriented
 from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
 from scenes.errors import SceneError
 
@@ -128,7 +128,7 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
         np.array(primitives, dtype=np.int64),
         np.stack(frames or [np.eye(3)], axis=2),
         analytic,
-        any(isinstance(s.material, Microfacets) and s.material.needs_uv for s in shapes),
+        any(is_oriented(s.material) for s in shapes),
     )
 
 
@@ -142,7 +142,7 @@ def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
     is one of them, any other two.
     """
     if isinstance(mesh, BilinearMesh) and varies(s) and not mesh.are_parallelograms():
-        what = "anisotropic roughness" if isinstance(s.material, Microfacets) else "a texture"
+        what = "anisotropic roughness" if is_oriented(s.material) else "a texture"
         raise SceneError(f"{what} on a patch that is no parallelogram is not supported", s.where)
     if is_analytic(s):
         return mesh.vertices[mesh.faces[:, :3]], mesh.corner_uv()[:, :3]

@@ -34,10 +34,14 @@ LAMBERTIAN = Lobes.REFLECTION | Lobes.DIFFUSE
 
 @dataclass(frozen=True, eq=False)
 class MaterialExample:
-    """A shape that wears a material, for the contract tests."""
+    """A shape that wears a material, for the contract tests.
+
+    estimated: whether f is an unbiased estimate, whose noise is another at each point and pair of directions.
+    """
 
     name: str
     shape: ShapeDescription
+    estimated: bool = False
 
 
 @runtime_checkable

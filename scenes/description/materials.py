@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,9 @@ class Diffuse:
 
     def map_colors(self, change: ColorMap) -> Diffuse:
         return Diffuse(map_colors(self.reflectance, change))
+
+    def beneath(self, eta: float) -> Diffuse:
+        return self
 
 
 class Microfacets:
@@ -76,6 +79,10 @@ class Conductor(Microfacets):
     def map_colors(self, change: ColorMap) -> Conductor:
         return replace(self, eta=change(self.eta), k=change(self.k))
 
+    def beneath(self, eta: float) -> Conductor:
+        """The same metal where a medium of index `eta` lies in front of it instead of air."""
+        return replace(self, eta=self.eta / eta, k=self.k / eta)
+
 
 @dataclass(frozen=True, eq=False)
 class Dielectric(Microfacets):
@@ -98,4 +105,47 @@ class Dielectric(Microfacets):
         return self
 
 
-Material = Diffuse | Conductor | Dielectric
+@dataclass(frozen=True, eq=False)
+class Coated:
+    """A surface under a layer of varnish, two-sided: pbrt's `coateddiffuse` and `coatedconductor`.
+
+    coat: the boundary to the air. base: the surface underneath, as it would be in air. thickness: of the
+    layer, in mean free paths of the medium that fills it. albedo: (3,) float64 in [0, 1], what the medium
+    scatters, in Henyey and Greenstein's phase function of asymmetry g. max_depth: how many events a walk
+    between the boundaries has at most. samples: how many walks give one value of the BSDF.
+    """
+
+    coat: Dielectric
+    base: Diffuse | Conductor
+    thickness: float = 0.01
+    albedo: Array = field(default_factory=lambda: np.zeros(3))
+    g: float = 0.0
+    max_depth: int = 10
+    samples: int = 1
+
+    @property
+    def needs_uv(self) -> bool:
+        return self.coat.needs_uv or self.base.needs_uv
+
+    @property
+    def mean_alpha(self) -> float | None:
+        """Of the base, whose colour is drawn."""
+        return self.base.mean_alpha
+
+    @property
+    def normal_reflectance(self) -> Array:
+        """Of the base alone."""
+        return self.base.normal_reflectance
+
+    def map_colors(self, change: ColorMap) -> Coated:
+        return replace(self, base=self.base.map_colors(change), albedo=change(self.albedo))
+
+
+Material = Diffuse | Conductor | Dielectric | Coated
+
+
+def is_oriented(material: Material) -> bool:
+    """Whether it matters which way dp/du points: of anisotropic microfacets, under a coat or not."""
+    if isinstance(material, Coated):
+        return is_oriented(material.coat) or is_oriented(material.base)
+    return isinstance(material, Microfacets) and material.alpha_v is not None

@@ -31,10 +31,22 @@ OPAQUE = [
     for example in kind.examples()
     if not kind.lobes(example.shape) & Lobes.TRANSMISSION
 ]
+# Those whose f is an estimate: integrals of it are noisy, and the noise differs from that of the other way.
+ESTIMATED = [e.shape for _, kind in MATERIALS.items() for e in kind.examples() if e.estimated]
+EXACT = [
+    pytest.param(kind, example.shape, id=f"{name}-{example.name}")
+    for name, kind in MATERIALS.items()
+    for example in kind.examples()
+    if not (kind.lobes(example.shape) & Lobes.TRANSMISSION or example.estimated)
+]
 # Angles of wo with the normal, in radians
 VIEWS = (0.0, 0.4, 1.1, 1.5, np.pi / 2 - 1e-3)
 NORMAL = normalize(np.array([[0.3], [-0.5], [-0.7]]))
 RADII, TURNS = 12, 10
+
+
+def is_estimated(shape: ShapeDescription) -> bool:
+    return any(shape is one for one in ESTIMATED)
 
 
 def hits(wo: np.ndarray, shape: int = 0) -> SurfaceHit:
@@ -105,8 +117,9 @@ def slopes(theta: float) -> Slopes:
     return Slopes(direction(theta, 0.7))
 
 
-def integrals(material: MaterialKind, theta: float, edges: np.ndarray, steps: int, quantity) -> np.ndarray:
-    """steps x steps Gauss-Legendre nodes in each cell of log r and the angle: (..., RADII, TURNS).
+def nodes(material: MaterialKind, theta: float, edges: np.ndarray, steps: int, quantity) -> np.ndarray:
+    """A quantity times the solid angle of each node, steps x steps of Gauss and Legendre's in each cell of
+    log r and the angle: (..., n), by cells of log r, then nodes, then angles.
 
     edges: (RADII + 1,) of r. quantity: (hit, wi) -> (..., n).
     """
@@ -123,9 +136,14 @@ def integrals(material: MaterialKind, theta: float, edges: np.ndarray, steps: in
         area = weight[:, None] * ((high - low) / 2) * dphi
         r_all, phi_all = (np.ascontiguousarray(a).ravel() for a in np.broadcast_arrays(r[:, None], phi))
         wi, solid_angle = around.at(r_all, phi_all)
-        value = quantity(seen_from(theta, r_all.size), wi) * (solid_angle * area.ravel())
-        cells.append(value.reshape(*value.shape[:-1], steps, TURNS, steps).sum(axis=(-3, -1)))
-    return np.stack(cells, axis=-2)
+        cells.append(quantity(seen_from(theta, r_all.size), wi) * (solid_angle * area.ravel()))
+    return np.concatenate(cells, axis=-1)
+
+
+def integrals(material: MaterialKind, theta: float, edges: np.ndarray, steps: int, quantity) -> np.ndarray:
+    """The sums of `nodes` over each cell: (..., RADII, TURNS)."""
+    value = nodes(material, theta, edges, steps, quantity)
+    return value.reshape(*value.shape[:-1], RADII, steps, TURNS, steps).sum(axis=(-3, -1))
 
 
 def edges_for(theta: float, r: np.ndarray) -> np.ndarray:
@@ -135,6 +153,23 @@ def edges_for(theta: float, r: np.ndarray) -> np.ndarray:
     """
     inner = np.quantile(r, np.linspace(0, 1, RADII + 1)[1:-1])
     return np.concatenate([[inner[0] * 1e-4], inner, [slopes(theta).steepest]])
+
+
+def shares(material: MaterialKind, shape: ShapeDescription, theta: float, edges: np.ndarray, steps: int):
+    """The reflected share (3,) of a view by quadrature, and its standard error (3,), 0 where f is exact.
+
+    The noise of an estimate is that of the values at the nodes, known from two points of the surface.
+    """
+    here = reflected(material)
+    if not is_estimated(shape):
+        return integrals(material, theta, edges, steps, here).sum(axis=(-2, -1)), np.zeros(3)
+
+    def elsewhere(hit, wi):
+        return here(replace(hit, p=hit.p + 1.0), wi)
+
+    both = [nodes(material, theta, edges, steps, one) for one in (here, elsewhere)]
+    variance = (both[0] - both[1]) ** 2 / 4
+    return ((both[0] + both[1]) / 2).sum(axis=-1), np.sqrt(variance.sum(axis=-1))
 
 
 def reflected(material: MaterialKind):
@@ -184,12 +219,13 @@ def follows(kind, shape: ShapeDescription, samples: int, steps: int, level: floa
         assert total < 1 + error + 1e-5
         assert abs(total - valid.mean()) < 4.5 * np.sqrt(max(total * (1 - total), 0) / samples) + error + 1e-5
 
-        share = integrals(material, theta, edges, steps, reflected(material)).sum(axis=(-2, -1))
+        fine = 16 if is_estimated(shape) else steps  # the noise of an estimate hides what more nodes tell
+        share, noise = shares(material, shape, theta, edges, fine)
         with np.errstate(invalid="ignore", divide="ignore"):
             weight = np.where(valid, reflected(material)(hit, wi) / pdf, 0.0)
-        spread = weight.std(axis=1) / np.sqrt(samples)
+        spread = np.hypot(weight.std(axis=1) / np.sqrt(samples), noise)
         # The share has no step at the horizon, but a kink.
-        assert (np.abs(weight.mean(axis=1) - share) < 4.5 * spread + 0.2 / steps**2 + 1e-5).all()
+        assert (np.abs(weight.mean(axis=1) - share) < 4.5 * spread + 0.2 / fine**2 + 1e-5).all()
 
 
 def _crosses(material: MaterialKind, theta: float, edges: np.ndarray) -> np.ndarray:
@@ -217,7 +253,7 @@ def test_a_million_sampled_directions_follow_the_pdf(kind, shape):
     follows(kind, shape, 1_000_000, 120, LEVEL)
 
 
-@pytest.mark.parametrize(("kind", "shape"), OPAQUE)
+@pytest.mark.parametrize(("kind", "shape"), EXACT)
 def test_light_can_be_followed_either_way(kind, shape):
     """Helmholtz reciprocity, near the mirror direction and far from it.
 
@@ -244,8 +280,9 @@ def test_no_material_reflects_more_than_it_receives(kind, shape, theta):
     """
     edges = np.geomspace(1e-8, slopes(theta).steepest, RADII + 1)
     material = made(kind, shape)
-    share = integrals(material, float(theta), edges, 30, reflected(material)).sum(axis=(-2, -1))
-    assert (share > 0.01).all() and (share <= 1 + 1e-3).all()
+    share, noise = shares(material, shape, float(theta), edges, 30)
+    assert (share > 0.01).all() and (share <= 1 + 1e-3 + 4.5 * noise).all()
+    assert (noise < 0.01).all()
 
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)

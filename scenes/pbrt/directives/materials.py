@@ -11,7 +11,7 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.materials import Conductor, Dielectric, Diffuse, Material, Microfacets
+from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material, Microfacets
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.textures import TextureWriter, named_texture
 from scenes.pbrt.spectra import colour, colour_of, index_of, samples, spectrum_name
@@ -66,19 +66,20 @@ def _diffuse(parameters: Parameters) -> MaterialUse:
     return TexturedDiffuse(parameters.text_of(parameter), parameter.where)
 
 
-def _conductor(parameters: Parameters) -> Conductor:
+def _conductor(parameters: Parameters, part: str = "") -> Conductor:
+    """part: what the names of its parameters begin with, but that of its reflectance."""
     from scenes import color  # here, because most scenes name no metals and its tables take time
 
-    alpha = _alpha(parameters)
+    alpha = _alpha(parameters, part)
     reflectance = colour(parameters, "reflectance", "reflectance")
-    eta, k = (parameters.take(name, "rgb", "spectrum") for name in ("eta", "k"))
+    eta, k = (parameters.take(part + name, "rgb", "spectrum") for name in ("eta", "k"))
     if reflectance is not None:
         if eta is not None or k is not None:
             raise parameters.fail("reflectance", "a conductor has either reflectance or eta and k, not both")
         return Conductor(*color.conductor_of_reflectance(reflectance), *alpha)
     found = _refractive_index(parameters, eta, k)
     if not np.all(found[0] > 0):
-        raise parameters.fail("eta", "eta must be positive for red, green and blue")
+        raise parameters.fail(f"{part}eta", "eta must be positive for red, green and blue")
     return Conductor(*found, *alpha)
 
 
@@ -108,7 +109,7 @@ def _refractive_index(
     except SceneError:
         raise
     except PenumbraError as error:
-        raise parameters.fail("eta", str(error)) from None
+        raise SceneError(str(error), parameters.where if eta is None else eta.where) from None
     return parts[0], parts[1]
 
 
@@ -122,15 +123,16 @@ def _tabulated(parameters: Parameters, parameter: Parameter) -> Array:
     return np.interp(np.linspace(360.0, 830.0, 471), wavelengths, values)
 
 
-def _alpha(parameters: Parameters) -> tuple[float, float | None]:
+def _alpha(parameters: Parameters, part: str = "") -> tuple[float, float | None]:
     """Of the microfacet distribution along dp/du and across, None where it is the same both ways; 0 for a
-    surface that pbrt takes for smooth.
+    surface that pbrt takes for smooth. part: as of `_conductor`.
     """
-    roughness = parameters.number("roughness", 0.0)
-    u, v = parameters.number("uroughness", roughness), parameters.number("vroughness", roughness)
+    both, along_u, along_v = (f"{part}{name}" for name in ("roughness", "uroughness", "vroughness"))
+    roughness = parameters.number(both, 0.0)
+    u, v = parameters.number(along_u, roughness), parameters.number(along_v, roughness)
     remap = parameters.flag("remaproughness", True)
     if min(u, v) < 0:
-        name = next(name for name in ("uroughness", "vroughness", "roughness") if parameters.given(name))
+        name = next(name for name in (along_u, along_v, both) if parameters.given(name))
         raise parameters.fail(name, f"{name} must not be negative")
     along, across = (float(np.sqrt(one)) if remap else one for one in (u, v))
     if max(along, across) < SMOOTH:
@@ -148,15 +150,52 @@ def _thin_dielectric(parameters: Parameters) -> Dielectric:
 
 
 def _glass(parameters: Parameters, alpha: float, alpha_v: float | None, thin: bool = False) -> Dielectric:
-    """eta: a number or a spectrum."""
-    parameter = parameters.take("eta", "float", "rgb", "spectrum")
-    if parameter is None or parameter.type == "float":
-        eta = parameters.number("eta", 1.5)
-    else:
-        eta = index_of(parameters, parameter)
+    eta = _index(parameters, "eta")
     if not eta > 0:
         raise parameters.fail("eta", f"eta must be positive, not {eta:g}")
     return Dielectric(eta, alpha, thin, alpha_v)
+
+
+def _index(parameters: Parameters, name: str) -> float:
+    """A refractive index: a number or a spectrum."""
+    parameter = parameters.take(name, "float", "rgb", "spectrum")
+    if parameter is None or parameter.type == "float":
+        return parameters.number(name, 1.5)
+    return index_of(parameters, parameter)
+
+
+def _coated_diffuse(parameters: Parameters) -> MaterialUse:
+    base = _diffuse(parameters)
+    if isinstance(base, TexturedDiffuse):
+        coated = _coated(parameters, "", Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
+        return replace(base, under=coated)
+    assert isinstance(base, Diffuse)
+    return _coated(parameters, "", base)
+
+
+def _coated_conductor(parameters: Parameters) -> Coated:
+    return _coated(parameters, "interface.", _conductor(parameters, "conductor."))
+
+
+def _coated(parameters: Parameters, part: str, base: Diffuse | Conductor) -> Coated:
+    """part: what the names of the boundary's parameters begin with."""
+    alpha, alpha_v = _alpha(parameters, part)
+    eta = _index(parameters, f"{part}eta")
+    if eta < 0:
+        raise parameters.fail(f"{part}eta", f"{part}eta must be positive, not {eta:g}")
+    albedo = colour(parameters, "albedo", "reflectance")
+    depth, walks = parameters.integer("maxdepth", 10), parameters.integer("nsamples", 1)
+    if walks < 1:
+        raise parameters.fail("nsamples", f"nsamples must be at least 1, not {walks}")
+    return Coated(
+        Dielectric(eta or 1.0, alpha, alpha_v=alpha_v),  # pbrt too takes 0 for 1
+        base,
+        max(parameters.number("thickness", 0.01), 0.0),
+        np.zeros(3) if albedo is None else albedo,
+        float(np.clip(parameters.number("g", 0.0), -1.0, 1.0)),
+        max(depth, 0),
+        walks,
+    )
 
 
 def _interface(parameters: Parameters) -> Interface:
@@ -175,8 +214,9 @@ def resolve_material(use: MaterialUse, builder: Builder) -> Material:
     if isinstance(use, TexturedDiffuse):
         found = named_texture(builder, "spectrum", use.texture, use.where).value
         if found is None:
-            return Diffuse(np.full(3, DEFAULT_REFLECTANCE))
-        return Diffuse(np.clip(found, 0.0, 1.0) if isinstance(found, np.ndarray) else found)
+            found = np.full(3, DEFAULT_REFLECTANCE)
+        base = Diffuse(np.clip(found, 0.0, 1.0) if isinstance(found, np.ndarray) else found)
+        return base if use.under is None else replace(use.under, base=base)
     return use
 
 
@@ -193,6 +233,8 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "conductor": _conductor,
     "dielectric": _dielectric,
     "thindielectric": _thin_dielectric,
+    "coateddiffuse": _coated_diffuse,
+    "coatedconductor": _coated_conductor,
     "interface": _interface,
 }
 
@@ -212,8 +254,7 @@ def _(material: Diffuse, textures: TextureWriter) -> list[str]:
 
 @material_text.register
 def _(material: Conductor, textures: TextureWriter) -> list[str]:
-    optical = f'"rgb eta" [ {numbers(material.eta)} ] "rgb k" [ {numbers(material.k)} ]'
-    return [f'Material "conductor" {optical} {_roughness_text(material)}']
+    return [f'Material "conductor" {_metal_text(material)} {UNCHANGED}']
 
 
 @material_text.register
@@ -221,10 +262,35 @@ def _(material: Dielectric, textures: TextureWriter) -> list[str]:
     eta = f'"float eta" [ {material.eta!r} ]'
     if material.thin:
         return [f'Material "thindielectric" {eta}']
-    return [f'Material "dielectric" {eta} {_roughness_text(material)}']
+    return [f'Material "dielectric" {eta} {_roughness_text(material)} {UNCHANGED}']
 
 
-def _roughness_text(material: Microfacets) -> str:
-    one = f'"float roughness" [ {material.alpha!r} ]'
-    two = f'"float uroughness" [ {material.alpha!r} ] "float vroughness" [ {material.alpha_v!r} ]'
-    return f'{one if material.alpha_v is None else two} "bool remaproughness" [ false ]'
+@material_text.register
+def _(material: Coated, textures: TextureWriter) -> list[str]:
+    lines: list[str] = []
+    if isinstance(material.base, Diffuse):
+        kind, part = "coateddiffuse", ""
+        base = textures.parameter("spectrum", "reflectance", material.base.reflectance, lines)
+    else:
+        kind, part = "coatedconductor", "interface."
+        base = _metal_text(material.base, "conductor.")
+    coat = f'"float {part}eta" [ {material.coat.eta!r} ] {_roughness_text(material.coat, part)} {UNCHANGED}'
+    medium = f'"rgb albedo" [ {numbers(material.albedo)} ] "float g" [ {material.g!r} ]'
+    layer = f'"float thickness" [ {material.thickness!r} ] {medium}'
+    walk = f'"integer maxdepth" [ {material.max_depth} ] "integer nsamples" [ {material.samples} ]'
+    return [*lines, f'Material "{kind}" {base} {coat} {layer} {walk}']
+
+
+UNCHANGED = '"bool remaproughness" [ false ]'
+
+
+def _metal_text(metal: Conductor, part: str = "") -> str:
+    optical = f'"rgb {part}eta" [ {numbers(metal.eta)} ] "rgb {part}k" [ {numbers(metal.k)} ]'
+    return f"{optical} {_roughness_text(metal, part)}"
+
+
+def _roughness_text(material: Microfacets, part: str = "") -> str:
+    if material.alpha_v is None:
+        return f'"float {part}roughness" [ {material.alpha!r} ]'
+    u, v = f"{part}uroughness", f"{part}vroughness"
+    return f'"float {u}" [ {material.alpha!r} ] "float {v}" [ {material.alpha_v!r} ]'

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenes import color as colours
-from scenes.description.materials import Conductor, Dielectric, Diffuse, Material
+from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material
 from tests.kit.scene_texts import world, world_fails
 
 BALL = ' Shape "sphere"'
@@ -123,7 +123,16 @@ def test_named_conductors() -> None:
         ('Material "conductor" "texture roughness" "t"', 22, ('"texture roughness"', '"float roughness"')),
         ('Material "diffuse" "texture displacement" "t"', 20, ('"texture displacement"', "not supported")),
         ('Material "diffuse" "string normalmap" "t.png"', 20, ('"string normalmap"',)),
-        ('MakeNamedMaterial "m" "string type" "coateddiffuse"', 1, ('"coateddiffuse"',)),
+        ('MakeNamedMaterial "m" "string type" "hair"', 1, ('"hair"',)),
+        ('Material "coateddiffuse" "integer nsamples" 0', 26, ("nsamples must be at least 1",)),
+        ('Material "coateddiffuse" "float eta" -1', 26, ("eta must be positive",)),
+        ('Material "coateddiffuse" "float roughness" -1', 26, ("roughness must not be negative",)),
+        ('Material "coateddiffuse" "texture roughness" "t"', 26, ('"texture roughness"', "not supported")),
+        ('Material "coateddiffuse" "texture displacement" "t"', 26, ('"texture displacement"',)),
+        ('Material "coatedconductor" "float roughness" 0.1', 28, ('"float roughness" is not supported',)),
+        ('Material "coatedconductor" "float interface.vroughness" -1', 28, ("interface.vroughness",)),
+        (('Material "coatedconductor" "float g" 0 "rgb reflectance" [ 1 1 1 ] '
+'"rgb conductor.k" [ 1 1 1 ]'), 40, ("not both",)),
         (('MakeNamedMaterial "m" "string type" "diffuse" MakeNamedMaterial "m" "string type" '
 '"diffuse"'), 47, ("made twice",)),
     ],
@@ -158,3 +167,78 @@ def test_a_glass_by_its_name_is_noted_to_have_no_dispersion() -> None:
     glass = scene.shapes[0].material
     assert isinstance(glass, Dielectric) and glass.eta == 1.5168
     assert len(scene.notes) == 1 and "dispersion of glass-BK7 is left out" in scene.notes[0]
+
+
+def coated(body: str) -> Coated:
+    material = material_of(body)
+    assert isinstance(material, Coated)
+    return material
+
+
+def test_a_coat_has_pbrts_defaults() -> None:
+    varnish = coated('Material "coateddiffuse"')
+    assert isinstance(varnish.base, Diffuse)
+    np.testing.assert_array_equal(varnish.base.reflectance, np.full(3, 0.5))
+    assert (varnish.coat.eta, varnish.coat.alpha, varnish.coat.alpha_v) == (1.5, 0.0, None)
+    assert (varnish.thickness, varnish.g, varnish.max_depth, varnish.samples) == (0.01, 0.0, 10, 1)
+    assert not varnish.albedo.any() and not varnish.needs_uv
+    metal = coated('Material "coatedconductor"')
+    bare = conductor("")
+    assert isinstance(metal.base, Conductor)
+    np.testing.assert_array_equal([metal.base.eta, metal.base.k], [bare.eta, bare.k])
+    assert (metal.base.alpha, metal.coat.alpha, metal.coat.eta) == (0.0, 0.0, 1.5)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        'Material "coateddiffuse" "rgb reflectance" [ .1 .2 .3 ] "float roughness" 0.04',
+        'MakeNamedMaterial "v" "string type" "coateddiffuse" "rgb reflectance" [ .1 .2 .3 ] '
+        '"float roughness" 0.04 NamedMaterial "v"',
+        'Texture "t" "spectrum" "constant" "rgb value" [ .1 .2 .3 ] '
+        'Material "coateddiffuse" "texture reflectance" "t" "float roughness" 0.04',
+        'Texture "t" "spectrum" "constant" "rgb value" [ .1 .2 .3 ] '
+        'MakeNamedMaterial "v" "string type" "coateddiffuse" "texture reflectance" "t" '
+        '"float uroughness" 0.04 "float vroughness" 0.04 NamedMaterial "v"',
+    ],
+)
+def test_a_coat_lies_over_whatever_is_diffuse(body: str) -> None:
+    varnish = coated(body)
+    assert isinstance(varnish.base, Diffuse)
+    np.testing.assert_array_equal(varnish.base.reflectance, [0.1, 0.2, 0.3])
+    assert varnish.coat.alpha == pytest.approx(0.2)
+
+
+def test_a_checkerboard_may_lie_under_a_coat() -> None:
+    varnish = coated(
+        'Texture "t" "spectrum" "checkerboard" Material "coateddiffuse" "texture reflectance" "t"'
+    )
+    assert varnish.needs_uv
+
+
+def test_all_of_a_coat_is_read() -> None:
+    varnish = coated(
+        'Material "coateddiffuse" "spectrum reflectance" [ 300 0.25 900 0.25 ] "float uroughness" 0.04 '
+        '"float vroughness" 0.09 "bool remaproughness" false "float thickness" 0.2 "float eta" 1.3 '
+        '"float g" 2 "rgb albedo" [ .5 .6 .7 ] "integer maxdepth" 20 "integer nsamples" 4'
+    )
+    assert (varnish.coat.alpha, varnish.coat.alpha_v, varnish.coat.eta) == (0.04, 0.09, 1.3)
+    assert (varnish.thickness, varnish.g, varnish.max_depth, varnish.samples) == (0.2, 1.0, 20, 4)
+    np.testing.assert_array_equal(varnish.albedo, [0.5, 0.6, 0.7])
+
+
+def test_all_of_a_coated_metal_is_read() -> None:
+    """A roughness without a prefix is no parameter of it, as in pbrt."""
+    metal = coated(
+        'Material "coatedconductor" "float interface.roughness" 0.04 "spectrum interface.eta" "glass-BK7" '
+        '"float conductor.uroughness" 0.25 "float conductor.vroughness" 0.09 "spectrum conductor.eta" '
+        '"metal-Al-eta" "spectrum conductor.k" "metal-Al-k"'
+    )
+    bare = conductor('"spectrum eta" "metal-Al-eta" "spectrum k" "metal-Al-k"')
+    assert isinstance(metal.base, Conductor)
+    np.testing.assert_array_equal([metal.base.eta, metal.base.k], [bare.eta, bare.k])
+    assert (metal.base.alpha, metal.base.alpha_v) == pytest.approx((0.5, 0.3))
+    assert (metal.coat.alpha, metal.coat.eta) == pytest.approx((0.2, 1.5168))
+    gray = coated('Material "coatedconductor" "rgb reflectance" [ .7 .7 .7 ]')
+    assert isinstance(gray.base, Conductor)
+    np.testing.assert_array_equal(gray.base.k, conductor('"rgb reflectance" [ .7 .7 .7 ]').k)

@@ -14,7 +14,7 @@ import skimage.io
 from numpy.typing import NDArray
 
 from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
-from scenes.description.materials import Conductor, Diffuse, Material
+from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material
 from scenes.description.scene import Film, PixelFilter, RenderDefaults, SceneDescription
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
@@ -101,11 +101,23 @@ class Rich(Random):
                 return Environment(radiance, self.image(), "latitude-longitude", self.frame(), self.flag())
 
     def material(self) -> Material:
+        base = self.base()
+        if self.flag():
+            return base
+        alpha, across = self.alphas()
+        coat = Dielectric(self.positive(), alpha, alpha_v=across)
+        albedo, depth = self.rng.random(3), int(self.rng.integers(40))
+        return Coated(coat, base, self.positive(), albedo, float(self.rng.uniform(-1, 1)), depth, 1 + depth)
+
+    def base(self) -> Diffuse | Conductor:
         if self.flag():
             return Diffuse(self.texture())
-        across = float(self.rng.uniform(1e-3, 2)) if self.flag() else None
-        alpha = float(self.rng.uniform(1e-3, 2))
+        alpha, across = self.alphas()
         return Conductor(self.rng.random(3) + 0.01, self.rng.random(3), alpha, across)
+
+    def alphas(self) -> tuple[float, float | None]:
+        across = float(self.rng.uniform(1e-3, 2)) if self.flag() else None
+        return float(self.rng.uniform(1e-3, 2)), across
 
     def shape(self) -> ShapeDescription:
         material = self.material()
