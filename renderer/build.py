@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from renderer.interfaces.light import LIGHTS, LightGroup, Source, Surroundings
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
 from renderer.math.vectors import Floats
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import Bounds, ShapeDescription, vertex_normals
+from scenes.description.shapes import Bounds, ShapeDescription, boxes, vertex_normals
 from scenes.errors import SceneError
 
 
@@ -76,7 +77,8 @@ class RenderScene:
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
     varies. shading_normals: None without vertex normals.
-    material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each.
+    material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each. boxes: (s, 3)
+    each, least and greatest coordinates of each shape.
     contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
     world units, beyond everything from any point of the scene.
     seconds_build: wall clock.
@@ -90,7 +92,7 @@ class RenderScene:
     lights: Lights
     emissive_triangles: Triangles | None
     materials: tuple[MaterialKind, ...]
-    bounds: tuple[Bounds, ...]
+    boxes: tuple[Floats, Floats]
     emission: Floats
     two_sided: NDArray[np.bool_]
     emission_images: tuple[tuple[int, Floats], ...]
@@ -101,6 +103,15 @@ class RenderScene:
     contact_epsilon: float
     scene_diameter: float
     seconds_build: float
+
+    def __len__(self) -> int:
+        """How many shapes there are."""
+        return len(self.description.shapes)
+
+    @cached_property
+    def bounds(self) -> tuple[Bounds, ...]:
+        """Of each shape, worked out where they are asked for: that of thousands costs more than they do."""
+        return tuple(s.geometry.bounds() for s in self.description.shapes)
 
     @property
     def specular(self) -> bool:
@@ -139,9 +150,10 @@ def build(scene: SceneDescription) -> RenderScene:
     sources, triangles, analytic = _sources(scene), all_triangles(shapes), analytic_primitives(shapes)
     lights = _lights(sources, triangles, analytic)
     glowing = lights.of_triangle >= 0
-    materials, bounds = _materials(shapes), tuple(s.geometry.bounds() for s in shapes)
+    materials, material_of, lobes = _materials(shapes)
+    boxed = boxes([s.geometry for s in shapes])
     camera = make_camera(scene.camera, scene.film)
-    size, scene_diameter = _size(bounds, camera.eyes)
+    size, scene_diameter = _size(*boxed, camera.eyes)
     black = np.zeros(3)
     return RenderScene(
         description=scene,
@@ -152,7 +164,7 @@ def build(scene: SceneDescription) -> RenderScene:
         lights=lights,
         emissive_triangles=triangles.only(glowing) if triangles is not None and glowing.any() else None,
         materials=materials,
-        bounds=bounds,
+        boxes=boxed,
         emission=np.stack([s.emission.radiance if s.emission else black for s in shapes] or [black], axis=1),
         two_sided=np.array([s.emission is not None and s.emission.two_sided for s in shapes], dtype=np.bool_),
         emission_images=tuple(
@@ -160,24 +172,21 @@ def build(scene: SceneDescription) -> RenderScene:
         ),
         coordinates=coordinates(shapes, analytic),
         shading_normals=shading_normals(shapes),
-        material_of=np.array(
-            [[kind.accepts(s) for kind in materials].index(True) for s in shapes], dtype=np.int64
-        ),
-        lobes=np.array([lobes_of(s) for s in shapes], dtype=np.int64),
+        material_of=material_of,
+        lobes=lobes,
         contact_epsilon=4 * TOLERANCE * size,
         scene_diameter=scene_diameter,
         seconds_build=time.perf_counter() - start,
     )
 
 
-def _size(bounds: Sequence[Bounds], eyes: Floats) -> tuple[float, float]:
-    """The largest coordinate of the scene and of eyes (3, m), which the rounding of points scales with; and
-    a length from any point of the scene to beyond all of it.
+def _size(low: Floats, high: Floats, eyes: Floats) -> tuple[float, float]:
+    """The largest coordinate of shapes in boxes from low to high (s, 3) and of eyes (3, m), which the
+    rounding of points scales with; and a length from any point of the scene to beyond all of it.
     """
-    axes = np.eye(3)
-    low = np.min([*eyes.T, *(b.extent(axes)[0] for b in bounds)], axis=0)
-    high = np.max([*eyes.T, *(b.extent(axes)[1] for b in bounds)], axis=0)
-    return float(np.abs([low, high]).max()), 2 * float(np.linalg.norm(high - low))
+    least = np.min([*eyes.T, *low], axis=0)
+    greatest = np.max([*eyes.T, *high], axis=0)
+    return float(np.abs([least, greatest]).max()), 2 * float(np.linalg.norm(greatest - least))
 
 
 def _sources(scene: SceneDescription) -> Sources:
@@ -204,8 +213,9 @@ def _kind(source: Source) -> str:
 def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPrimitives) -> Lights:
     kinds: list[LightGroup] = []
     certain: list[NDArray[np.bool_]] = [np.zeros(0, dtype=np.bool_)]
+    kind_of = [_kind(source) for source in sources.all]
     for name, kind in LIGHTS.items():
-        mine = [i for i, source in enumerate(sources.all) if _kind(source) == name]
+        mine = [i for i, own in enumerate(kind_of) if own == name]
         if mine:
             kinds.append(kind.make([sources.all[i] for i in mine], mine))
             certain.append(np.full(kinds[-1].parts.source.size, kind.delta))
@@ -267,6 +277,20 @@ def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     return out
 
 
-def _materials(shapes: Sequence[ShapeDescription]) -> tuple[MaterialKind, ...]:
-    used = {material_kind(s) for s in shapes}
-    return tuple(kind.make(shapes) for _, kind in MATERIALS.items() if kind in used)
+def _materials(
+    shapes: Sequence[ShapeDescription],
+) -> tuple[tuple[MaterialKind, ...], NDArray[np.int64], NDArray[np.int64]]:
+    """The kinds in use, in their order; which of them each shape has, and its lobes, (s,) each."""
+    known: dict[int, tuple[type[MaterialKind], Lobes]] = {}  # by material: thousands of shapes share a few
+    for s in shapes:
+        if id(s.material) not in known:
+            known[id(s.material)] = material_kind(s), lobes_of(s)
+    own = [known[id(s.material)] for s in shapes]
+    used = {kind for kind, _ in known.values()}
+    kinds = [kind for _, kind in MATERIALS.items() if kind in used]
+    number = {kind: i for i, kind in enumerate(kinds)}
+    return (
+        tuple(kind.make(shapes) for kind in kinds),
+        np.array([number[kind] for kind, _ in own], dtype=np.int64),
+        np.array([lobes for _, lobes in own], dtype=np.int64),
+    )

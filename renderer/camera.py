@@ -120,12 +120,19 @@ class Camera:
         return normal, np.einsum("sek,sek->se", normal, base)
 
     def sees(self, points: Floats) -> bool:
-        """Whether a convex hull of points (3, m) may be in view: False only if it lies wholly outside one
-        side of it.
+        """Whether a convex hull of points (3, m) may be in view, as `sees_each`."""
+        return bool(self.sees_each(points[None])[0])
+
+    def sees_each(self, points: Floats) -> NDArray[np.bool_]:
+        """(s,) whether convex hulls of points (s, 3, m) may be in view: False only where one lies wholly
+        outside one side of it.
         """
         normal, limit = self._sides
-        height = normal @ (points - self.origin)  # (5, eyes, m)
-        return not bool(np.all(height < limit[..., None], axis=(1, 2)).any())
+        out = np.ones(len(points), dtype=np.bool_)
+        for eyes, least in zip(normal, limit, strict=True):  # (eyes, 3) and (eyes,) of each side
+            height = eyes @ (points - self.origin)  # (s, eyes, m)
+            out &= ~np.all(height < least[:, None], axis=(1, 2))
+        return out
 
 
 @singledispatch

@@ -258,7 +258,7 @@ def _first_hits(
     if on_analytic.any():
         shape = np.where(on_analytic, scene.analytic.shape[primitive], shape)
     emitted = _emission(scene, o, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
-    rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if scene.bounds else none[:0]
+    rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if len(scene) else none[:0]
     mine = d.take(rows, axis=1)
     p = _from(o, rows) + mine * t[rows]
     hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
@@ -285,7 +285,7 @@ def _emission(
     out = np.zeros_like(d)
     rows = (
         np.flatnonzero((shape >= 0) & (scene.sources.of_shape[shape] >= 0))
-        if scene.bounds
+        if len(scene)
         else np.flatnonzero(shape > 0)
     )
     if rows.size:

@@ -17,7 +17,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from renderer.math.vectors import Floats, dot, gather, normalize
+from renderer.math.vectors import Floats, cross, dot, gather, normalize
 
 ULP = 2.0**-24  # half a unit in the last place of a float32 in [1, 2), relative
 # A corner moves by one ULP of its coordinates, the plane's distance is the sum of three products of such
@@ -25,6 +25,7 @@ ULP = 2.0**-24  # half a unit in the last place of a float32 in [1, 2), relative
 # and the origin itself is rounded: twelve roundings in all, of up to sqrt(3) each for the diagonal.
 ROUNDINGS = 24.0
 SLENDER = 100.0  # length over height of the slimmest triangle that the bound is good for
+BLOCK = 2**14  # triangles that are worked out at a time
 FAR = 4.0  # in Embree's units, where the scene spans [-1, 1]: rays from farther away are started nearer
 
 
@@ -140,19 +141,26 @@ def make_triangles(
     center = (low + high) / 2
     half = float(np.max(high - low)) / 2
     scale = 1.0 / half if half > 0 else 1.0
-    corners = vertices[faces]  # (t, 3, 3)
-    normal = normalize(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).T)
-    normal = np.where(np.isfinite(normal), normal, 0.0) * np.where(reverse, -1.0, 1.0)
-    bound = _bounds(corners, center)
-    largest = float(np.abs(vertices - center).max() + np.ptp(corners, axis=1).max())
+    count = len(faces)
+    first, normal, bound = np.zeros((3, count)), np.zeros((3, count)), np.zeros(count)
+    largest = 0.0
+    for start in range(0, count, BLOCK):  # what lies in between stays in the cache, and small
+        rows = slice(start, start + BLOCK)
+        corners = vertices[faces[rows]]  # (b, 3, 3)
+        edges = corners[:, [1, 2, 0]] - corners
+        unit = normalize(cross(*((corners[:, i] - corners[:, 0]).T for i in (1, 2))))
+        normal[:, rows] = np.where(np.isfinite(unit), unit, 0.0) * np.where(reverse[rows], -1.0, 1.0)
+        first[:, rows] = corners[:, 0].T
+        bound[rows] = _bounds(corners, edges, center)
+        largest = max(largest, float(np.ptp(corners, axis=1).max()))
+    largest += float(np.abs(vertices - center).max())
     mesh = (((vertices - center) * scale).astype(np.float32), faces.astype(np.int32))
-    first = np.ascontiguousarray(corners[:, 0].T)
     return Triangles(
-        first, normal, shape, bound, largest, center[:, None], scale, mesh, np.arange(len(faces)), _bvh(*mesh)
+        first, normal, shape, bound, largest, center[:, None], scale, mesh, np.arange(count), _bvh(*mesh)
     )
 
 
-def _bounds(corners: Floats, center: Floats) -> Floats:
+def _bounds(corners: Floats, edges: Floats, center: Floats) -> Floats:
     """(t,) what rounding scales with: a triangle's distance from the centre, and its size times its
     slenderness.
 
@@ -160,9 +168,8 @@ def _bounds(corners: Floats, center: Floats) -> Floats:
     angle over the length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays off it
     would leak light.
     """
-    edges = corners[:, [1, 2, 0]] - corners
     square = (edges * edges).sum(axis=2).max(axis=1)
-    double = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    double = np.linalg.norm(cross(edges[:, 0].T, edges[:, 1].T).T, axis=1)
     slender = np.minimum(
         np.divide(square, double, out=np.full_like(double, SLENDER), where=double > 0), SLENDER
     )

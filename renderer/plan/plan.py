@@ -72,10 +72,10 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
     """
     start = time.perf_counter()
     active = frozenset(PRUNINGS) - keep if prune else frozenset[str]()
-    count = len(scene.bounds)
+    count = len(scene)
     black = scene.lobes == 0
     proved = _proved(scene, black)
-    visible = np.array([scene.camera.sees(_corners(scene, i)) for i in range(count)], dtype=np.bool_)
+    visible = scene.camera.sees_each(_corners(scene))
     seen = np.array([_seen(source, visible, int(i)) for source, i in _sources(scene)], dtype=np.bool_)
     decisions = (
         _emission(scene, seen),
@@ -108,7 +108,7 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
     light is seen.
     """
     start = time.perf_counter()
-    count = len(scene.bounds)
+    count = len(scene)
     everyone = np.ones(count, dtype=np.bool_)
     triangles, analytic = _shadow_casters(scene, everyone)
     lights = Decision("light", False, "ambient occlusion asks only what is open, not what shines", "none")
@@ -141,7 +141,7 @@ class _Proofs:
 
 def _proved(scene: RenderScene, black: Bools) -> _Proofs:
     """What the proofs leave; everything in a scene that is too large for them."""
-    count, sources = len(scene.bounds), len(scene.sources.all)
+    count, sources = len(scene), len(scene.sources.all)
     if not provable(scene):
         everything = np.ones((count, sources), dtype=np.bool_)
         lit = ~black & bool(sources)
@@ -170,11 +170,11 @@ def _seen(source: Source, visible: Bools, shape: int) -> bool:
     return bool(visible[shape]) if isinstance(source, ShapeDescription) else source.surrounds
 
 
-def _corners(scene: RenderScene, shape: int) -> Floats:
-    """(3, m): points whose hull holds a shape."""
-    low, high = scene.bounds[shape].extent(np.eye(3))
+def _corners(scene: RenderScene) -> Floats:
+    """(s, 3, 8): points whose hull holds each shape."""
+    low, high = scene.boxes
     choose = np.indices((2, 2, 2)).reshape(3, 8)
-    return np.where(choose == 0, low[:, None], high[:, None])
+    return np.where(choose == 0, low[:, :, None], high[:, :, None])
 
 
 def _shadow_casters(scene: RenderScene, shades: Bools) -> tuple[Triangles | None, NDArray[np.int64]]:
@@ -219,7 +219,7 @@ def _blockers(blockers: Bools) -> Decision:
 def _shading_normals(scene: RenderScene) -> list[Decision]:
     if scene.shading_normals is None:
         return []
-    reason = f"{int(scene.smooth.sum())} of {len(scene.bounds)} shapes have vertex normals"
+    reason = f"{int(scene.smooth.sum())} of {len(scene)} shapes have vertex normals"
     return [Decision("shading normals", True, reason, "none")]
 
 

@@ -28,7 +28,7 @@ LARGEST_PROOF = 20_000_000  # entries of the (planes, shapes, shapes) table, bey
 
 def provable(scene: RenderScene) -> bool:
     """Whether a scene has something to prove, and not too much of it."""
-    count, sources = len(scene.bounds), len(scene.sources.all)
+    count, sources = len(scene), len(scene.sources.all)
     return 0 < (3 + count) * count * count * sources <= LARGEST_PROOF
 
 

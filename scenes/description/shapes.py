@@ -7,6 +7,7 @@ to one layer (pbrt text, analytic primitives, Mitsuba's plugins, closed forms) s
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ RIGHT_ANGLE = 1e-9
 FLAT = 1e-12
 # Corners given as decimal text close a parallelogram to some 1e-16 of their size, float32 to 1e-7.
 CLOSED = 1e-6
+BLOCK = 2**15  # faces whose normals are worked out at a time
 SEGMENTS = 512  # of a disk's rim, where nothing else is asked for
 TRIANGLE_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
 PATCH_UV = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
@@ -331,25 +333,60 @@ def _gap(corners: Array) -> float:
     return float(off / max(np.abs(corners).max(), 1e-300))
 
 
+def boxes(geometries: Sequence[Geometry]) -> tuple[Array, Array]:
+    """Least and greatest coordinates of s shapes, (s, 3) each, as their bounds have them along the axes."""
+    hulls = [Bounds(_used(g)) if isinstance(g, Mesh) else g.bounds() for g in geometries]
+    first = np.cumsum([0, *(len(hull.points) for hull in hulls)])[:-1]
+    if not hulls:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    points = np.concatenate([hull.points for hull in hulls]) if len(hulls) > 1 else hulls[0].points
+    axis = np.array([np.zeros(3) if hull.axis is None else hull.axis for hull in hulls])
+    pad = np.sqrt(np.maximum(1.0 - axis * axis, 0.0)) * np.array([[hull.radius] for hull in hulls])
+    low, high = (reduce.reduceat(points, first, axis=0) for reduce in (np.minimum, np.maximum))
+    return low - pad, high + pad
+
+
+def _used(mesh: Mesh) -> Array:
+    """The vertices (m, 3) that faces use."""
+    met = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    met[mesh.faces.ravel()] = True
+    return mesh.vertices if met.all() else mesh.vertices[met]
+
+
 def _mesh_bounds(mesh: Mesh) -> Bounds:
-    used = mesh.vertices[np.unique(mesh.faces)]
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces[:, :3]], 1, 0)
-    normals = np.cross(b - a, c - a)
-    normal = _plane(normals, used)
+    used = _used(mesh)
+    normal = _plane(mesh, used)
     if normal is None:
         return Bounds(used)
-    along = np.einsum("tc,c->t", normals, normal)
-    one_way = bool((along >= 0).all() or (along <= 0).all())
-    return Bounds(used, normal=normal * (-1.0 if mesh.reverse else 1.0), one_way=one_way)
+    along = [np.einsum("tc,c->t", cross, normal) for cross in _face_normals(mesh)]
+    one_way = all((a >= 0).all() for a in along) or all((a <= 0).all() for a in along)
+    return Bounds(used, normal=normal * (-1.0 if mesh.reverse else 1.0), one_way=bool(one_way))
 
 
-def _plane(normals: Array, points: Array) -> Array | None:
-    """The unit normal of points (m, 3) that share a plane, on the side of the longest of normals (t, 3)."""
-    length = np.linalg.norm(normals, axis=1)
-    largest = int(length.argmax())
-    if length[largest] == 0:
+def _face_normals(mesh: Mesh) -> Iterator[Array]:
+    """The normals of the faces, as long as twice their areas, in blocks (b, 3) that stay in the cache."""
+    for start in range(0, len(mesh.faces), BLOCK):
+        a, b, c = (mesh.vertices[mesh.faces[start : start + BLOCK, i]] for i in range(3))
+        yield cross_product(b - a, c - a)
+
+
+def cross_product(a: Array, b: Array) -> Array:
+    """The products a x b of rows (m, 3), to the bit those of `np.cross`, which costs more for few rows."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def _plane(mesh: Mesh, points: Array) -> Array | None:
+    """The unit normal of a mesh's points (m, 3) where they share a plane, on the side of its largest face."""
+    normal, longest = np.zeros(3), 0.0
+    for cross in _face_normals(mesh):
+        length = np.linalg.norm(cross, axis=1)
+        largest = int(length.argmax())
+        if length[largest] > longest:
+            normal, longest = cross[largest], length[largest]
+    if longest == 0:
         return None
-    n = normals[largest] / length[largest]
+    n = normal / longest
     height = np.einsum("mc,c->m", points - points[0], n)
     return n if np.abs(height).max() <= FLAT * np.abs(points).max() else None
 

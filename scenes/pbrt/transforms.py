@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ COORDINATE_LIMIT = 1e18  # beyond it squares overflow the float32 of ray tracers
 SHAPE_TOLERANCE = 1e-5  # matrices in scene files are often rounded to six digits
 INVERSE_TOLERANCE = 1e-6
 FLAT = "the transformation flattens space: it has no inverse"
+REMEMBERED = 4096  # matrices whose properties are kept
 ROUNDING = 1e-14  # what is orthogonal up to this is inverted by transposition, exactly
 
 
@@ -60,11 +62,16 @@ class Transform:
     @property
     def swaps_handedness(self) -> bool:
         """Whether it mirrors."""
-        return bool(np.linalg.slogdet(self.matrix[:3, :3])[0] < 0)
+        return _swaps_handedness(self.matrix[:3, :3].tobytes())
 
     def inverted(self) -> Transform:
         """The inverse, at no cost and no loss."""
         return Transform(self.inverse, self.matrix)
+
+
+@lru_cache(REMEMBERED)
+def _swaps_handedness(linear: bytes) -> bool:
+    return bool(np.linalg.slogdet(np.frombuffer(linear).reshape(3, 3))[0] < 0)
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -167,10 +174,17 @@ def uniform_scale(columns: Array) -> float | None:
     """The factor by which orthogonal columns of one length, (3, k), scale; None where they stretch or
     shear.
     """
+    return _uniform_scale(columns.tobytes(), columns.shape[1])
+
+
+# Shapes by the thousand differ in where they stand and share how they are turned.
+@lru_cache(REMEMBERED)
+def _uniform_scale(data: bytes, count: int) -> float | None:
+    columns = np.frombuffer(data).reshape(3, count)
     lengths = np.linalg.norm(columns, axis=0)
     factor = float(lengths.mean())
     gram = (columns / factor).T @ (columns / factor)
-    if not np.abs(gram - np.eye(columns.shape[1])).max() <= SHAPE_TOLERANCE:
+    if not np.abs(gram - np.eye(count)).max() <= SHAPE_TOLERANCE:
         return None
     return 1.0 if abs(factor - 1) <= ROUNDING else factor
 
@@ -191,6 +205,13 @@ def orthonormal(linear: Array) -> Array | None:
     """Orthogonal columns of one length, (3, 3), made orthonormal; to the bit as they are where they are it up
     to rounding. None where they stretch.
     """
+    axes = _orthonormal(linear.tobytes())
+    return None if axes is None else axes.copy()
+
+
+@lru_cache(REMEMBERED)
+def _orthonormal(data: bytes) -> Array | None:
+    linear = np.frombuffer(data).reshape(3, 3)
     if uniform_scale(linear) is None:
         return None
     if np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:

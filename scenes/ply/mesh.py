@@ -12,6 +12,7 @@ agree on what both read.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from scenes.ply.rows import Rows, lay_out
 from scenes.ply.text import read_numbers
 
 TEXT_LIMIT = 2**28  # bytes of an ASCII file, whose numbers take up to four times as many
+SMALL = 2**16  # bytes
 CORNERS = 4  # of a face, at most
 
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
@@ -52,8 +54,28 @@ def read_ply(path: Path) -> MeshFile:
 
     Not supported are faces of five corners and more, which pbrt drops, ASCII files of more than TEXT_LIMIT
     bytes and others of more than FILE_LIMIT. A header that promises more than the file holds costs no more
-    time or memory than what is there.
+    time or memory than what is there. Small files, which scenes name by the thousand, are read once.
     """
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return _told(path)  # why
+    if status.st_size > SMALL:
+        return _told(path)
+    return _small(path, status.st_mtime_ns, status.st_size, status.st_ino)
+
+
+@lru_cache(256)
+def _small(path: Path, modified: int, size: int, inode: int) -> MeshFile:
+    """A file as it was at that time; what it holds is shared, and must not be written to."""
+    mesh = _told(path)
+    for values in (mesh.vertices, mesh.triangles, mesh.quads, mesh.normals, mesh.uv):
+        if values is not None:
+            values.flags.writeable = False
+    return mesh
+
+
+def _told(path: Path) -> MeshFile:
     try:
         return _read(path)
     except PlyError as error:

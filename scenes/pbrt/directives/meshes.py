@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.shapes import BilinearMesh, Geometry, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Geometry, TriangleMesh, cross_product
 from scenes.errors import PenumbraError, SceneError, Unsupported
 from scenes.pbrt.state import AreaLight
 from scenes.pbrt.text.numbers import Values
@@ -127,7 +127,7 @@ def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
     p10 p01 p11.
     """
     p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
-    diagonals = np.cross(p11 - p00, p01 - p10)  # twice the area, whatever the shape
+    diagonals = cross_product(p11 - p00, p01 - p10)  # twice the area, whatever the shape
     length = np.linalg.norm(diagonals, axis=1)
     diameter = np.maximum(np.linalg.norm(p11 - p00, axis=1), np.linalg.norm(p01 - p10, axis=1))
     if not np.all(length > 0):
@@ -142,7 +142,7 @@ def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
         return f"patch {int(np.argmax(off))} is not planar: curved bilinear patches are not supported"
     ring = (p00, p10, p11, p01)
     turns = [
-        np.sum(np.cross(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
+        np.sum(cross_product(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
         for i in range(4)
     ]
     bad = np.min(turns, axis=0) < -PLANE_TOLERANCE * diameter**2

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scenes.errors import SceneError
 from scenes.pbrt.text.lexer import Source, Token, tokenize
 
-SHORT = 40  # characters: up to there tokens are as quick
+SHORT = 40  # characters: up to there tokens are as quick, but for a whole list of
+SEVERAL = 3  # numbers
 SINGLES = 1_000_000  # tokens of one list that are in no run
 
 # A run: numbers, space and comments, possessive, so that a failure costs one pass. What follows a number at
@@ -48,14 +49,13 @@ def read_run(source: Source, start: int) -> Run | None:
 
     SceneError at a number that is beyond the range of float64.
     """
-    match = _RUN.match(source.text, start, start + SHORT)
-    if match is None or match.end() < start + SHORT - _longest_word(source.text, start + SHORT):
-        return None
     match = _RUN.match(source.text, start)
     end = start if match is None else match.end()
     piece = source.text[start:end]
     if "#" in piece:
         piece = _COMMENT.sub(" ", piece)
+    if end < start + SHORT and not (source.text[end : end + 1] == "]" and len(piece.split()) >= SEVERAL):
+        return None
     if not piece.strip():
         return None
     array = np.fromstring(piece, dtype=np.float64, sep=" ")
@@ -63,12 +63,6 @@ def read_run(source: Source, start: int) -> Run | None:
         word = next(islice(tokenize(source, start), int(np.argmin(np.isfinite(array))), None))
         raise SceneError(f"{word.text[:40]} is beyond the range of a number", word.where)
     return Run(array, not any(letter in piece for letter in ".eE"), source, start, end)
-
-
-def _longest_word(text: str, end: int) -> int:
-    """How much of a word may stand cut off before `end`."""
-    head = text[max(end - SHORT, 0) : end]
-    return len(head) - 1 - max(head.rfind(space) for space in " \t\r\n")
 
 
 class Values:

@@ -24,6 +24,7 @@ class TokenStream:
         self._open: list[Path] = [Path(source.file).resolve()]  # the file of each
         self._peeked: Token | None = None
         self._included = self._read = 0
+        self._found: dict[tuple[str, Path | None], Path] = {}
         self._tried = source, 0  # up to where no run of meshes begins
 
     def next(self) -> Token | None:
@@ -80,7 +81,10 @@ class TokenStream:
 
     def find(self, name: str, token: Token) -> Path:
         """A file named in the scene, at `token`."""
-        return self._files.find(name, token.source.folder, token.where)
+        key = name, token.source.folder
+        if key not in self._found:
+            self._found[key] = self._files.find(name, token.source.folder, token.where)
+        return self._found[key]
 
     def include(self, name: str, token: Token, end: Token | None = None) -> None:
         """Continue with the file `name`, and give `end` when it is over; SceneError for cycles, depth and

@@ -12,6 +12,7 @@ from scenes.pbrt.text.stream import TokenStream
 from scenes.pbrt.text.template import Bindings
 
 PARAMETERS = 1000
+RETRY = 4  # tokens
 
 
 class Syntax:
@@ -50,7 +51,7 @@ class Syntax:
             values = Values([self.tokens.required(owner, f"{count} numbers") for _ in range(count)])
         if len(values) != count:
             raise SceneError(f"{owner} takes {count} numbers, not {len(values)}", owner.where)
-        return [self._bindings.number(value) for value in values]
+        return values.array(self._bindings.number).tolist()
 
     def parameters(self, owner: Token, defaults: Sequence[Parameter] = ()) -> Parameters:
         """The parameter list of a directive; defaults: what `Attribute` said for it."""
@@ -98,7 +99,8 @@ class Syntax:
         parts: list[Run | Token] = []
         singles = 0
         while True:
-            run = self.tokens.run()
+            # Where no run begins, none does in the next few tokens.
+            run = None if singles % RETRY else self.tokens.run()
             if run is not None:
                 parts.append(run)
             token = self.tokens.required(opening, "a closing ]")
