@@ -24,6 +24,7 @@ from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
 from renderer.interfaces.light import LIGHTS, LightGroup, Source, Surroundings
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
+from renderer.light_sampling.surroundings import with_one_surroundings
 from renderer.math.vectors import Floats
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Bounds, ShapeDescription, boxes, vertex_normals
@@ -212,23 +213,25 @@ def _kind(source: Source) -> str:
 
 def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPrimitives) -> Lights:
     kinds: list[LightGroup] = []
-    certain: list[NDArray[np.bool_]] = [np.zeros(0, dtype=np.bool_)]
+    certain: list[LightGroup] = []
     kind_of = [_kind(source) for source in sources.all]
     for name, kind in LIGHTS.items():
         mine = [i for i, own in enumerate(kind_of) if own == name]
         if mine:
             kinds.append(kind.make([sources.all[i] for i in mine], mine))
-            certain.append(np.full(kinds[-1].parts.source.size, kind.delta))
+            certain += kinds[-1:] if kind.delta else []
+    kinds = with_one_surroundings(kinds)
     source = np.concatenate([np.zeros(0, dtype=np.int64), *(kind.parts.source for kind in kinds)])
     share = np.concatenate([np.zeros(0), *(kind.parts.share for kind in kinds)])
-    pmf = share / max(len(sources.all), 1)
+    pmf = share / max(np.unique(source).size, 1)
     primitive, triangle = _primitives(sources, source, triangles, analytic)
+    delta = (np.full(g.parts.source.size, any(g is one for one in certain)) for g in kinds)
     return Lights(
         kinds=tuple(kinds),
         source=source,
         pmf=pmf,
         cdf=np.cumsum(pmf),
-        delta=np.concatenate(certain),
+        delta=np.concatenate([np.zeros(0, dtype=np.bool_), *delta]),
         primitive=primitive,
         triangle=triangle,
         of_primitive=_inverse(primitive, len(analytic)),
@@ -238,12 +241,10 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
 
 
 def _environment(kinds: Sequence[LightGroup]) -> tuple[Surroundings, int] | None:
-    """What surrounds the scene; SceneError where a scene has more than one environment."""
+    """What surrounds the scene, one light at most, and its number."""
     first = 0
     for kind in kinds:
         if isinstance(kind, Surroundings):
-            if kind.parts.source.size > 1:
-                raise SceneError("the scene has more than one environment light: one at most is supported")
             return kind, first
         first += kind.parts.source.size
     return None

@@ -296,7 +296,9 @@ def _emission(
         out[:, rows] = np.where(front, le, 0.0)
     if scene.lights.environment is not None:
         rows = np.flatnonzero(shape < 0)
-        out[:, rows] = scene.lights.environment[0].radiance_along(np.zeros_like(rows), d.take(rows, axis=1))
+        out[:, rows] = scene.lights.environment[0].radiance_along(
+            np.zeros_like(rows), _from(o, rows), d.take(rows, axis=1)
+        )
     return out
 
 

@@ -37,6 +37,9 @@ class Kind(NamedTuple):
 # A limit only ever comes down.
 TABLE = [
     Kind("spot light", ("SpotLight", "SpotLights"), ("spot",), 5),
+    Kind("goniometric light", ("GoniometricLight", "GoniometricLights"), ("goniometric",), 4),
+    Kind("projection light", ("ProjectionLight", "ProjectionLights"), ("projection",), 5),
+    Kind("portal", ("PortalLight", "PortalLights"), ("portal",), 5),
     Kind("conductor", ("Conductor", "Conductors"), ("conductor",), 4),
     Kind("checkerboard", ("Checkerboard",), ("checkerboard",), 4),
     Kind("disk", ("Disk", "DiskLights"), ("disk",), 7),
@@ -49,6 +52,9 @@ HOMONYM = "the same word for another thing"
 # Files that use a kind and teach the tree nothing about it: path -> why. They are not counted.
 USES = {
     "spot light": {"pipeline/baseline/worker.py": "pyrender's own class of that name"},
+    "goniometric light": {},
+    "projection light": {},
+    "portal": {},
     "conductor": {
         "pipeline/references/mitsuba/plugins.py": "Mitsuba's own class of that name",
         "renderer/materials/coated.py": "the examples lay a coat over one",
@@ -185,7 +191,15 @@ def test_a_command_is_one_file(path: Path) -> None:
 
 # The kinds of a family; what carries one, or is part of one, is no kind itself.
 FAMILIES = {
-    "lights": {"PointLight", "SpotLight", "DistantLight", "Environment"},
+    "lights": {
+        "PointLight",
+        "SpotLight",
+        "DistantLight",
+        "Environment",
+        "PortalLight",
+        "GoniometricLight",
+        "ProjectionLight",
+    },
     "materials": {"Diffuse", "Conductor", "Dielectric", "Coated"},
     "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk"},
     "textures": {"ImageTexture", "Checkerboard", "Product", "Mix"},

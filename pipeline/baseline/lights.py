@@ -5,6 +5,8 @@
     sphere          its middle, I = L pi r^2 all around: exact outside it, shadows aside
     other meshes    their middle, I = L A / 4 all around: the mean over directions, if the mesh is convex
     environments    their mean radiance from everywhere; those of one half, the mean over that half
+    portals         a flat light in their place, of the sky's mean radiance; not seen themselves
+    image lights    a goniometric light as a point, a projector as a spot, of their mean intensity
 
 So close to an area light the image is wrong, and where it is partly hidden too: that is the price of this end
 of the chart.
@@ -20,7 +22,16 @@ import numpy as np
 from pipeline.baseline.surfaces import View, mean_emission, tessellate
 from pipeline.baseline.task import Array, SizelessLight
 from pipeline.references.mitsuba.environment import radiance
-from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.lights import (
+    DistantLight,
+    Environment,
+    GoniometricLight,
+    Light,
+    PointLight,
+    PortalLight,
+    ProjectionLight,
+    SpotLight,
+)
 from scenes.description.shapes import ShapeDescription, Sphere
 
 FLAT = 1e-6  # of an area: what may be missing of it in the sum of its triangles' area vectors
@@ -73,6 +84,28 @@ def _(light: SpotLight, view: View) -> SizelessLight:
 @of_light.register
 def _(light: DistantLight, view: View) -> SizelessLight:
     return SizelessLight(light.irradiance, None, -view.vectors(light.wi))
+
+
+@of_light.register
+def _(light: GoniometricLight, view: View) -> SizelessLight:
+    return SizelessLight(light.intensity * light.image.mean() * view.scale**2, view.points(light.position))
+
+
+@of_light.register
+def _(light: ProjectionLight, view: View) -> SizelessLight:
+    intensity = light.intensity * light.image.mean(axis=(0, 1)) * view.scale**2
+    right, up = light.half
+    cone = float(np.arctan(np.sqrt(4 * right * up / np.pi)))  # a disk of the image's area
+    return SizelessLight(intensity, view.points(light.position), view.vectors(light.frame[:, 2]), cone, cone)
+
+
+@of_light.register
+def _(light: PortalLight, view: View) -> SizelessLight:
+    first, second, _, last = light.corners
+    normal = np.cross(second - first, last - first)
+    area = np.linalg.norm(normal)
+    middle, axis = view.points(light.corners.mean(axis=0)), view.vectors(normal / area)
+    return SizelessLight(ambient(light.sky) * area * view.scale**2, middle, axis, linear=True)
 
 
 def ambient(environment: Environment) -> Array:

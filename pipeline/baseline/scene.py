@@ -41,7 +41,7 @@ def convert(scene: SceneDescription) -> Task:
     view = replace(view, scale=1.0 / farthest if farthest > 0 else 1.0)
     film = scene.film
     lights = [light for shape in scene.shapes for light in of_shape(shape, view)]
-    lights += [of_light(light, view) for light in scene.lights if not light.surrounds]
+    lights += [of_light(light, view) for light in scene.lights if not isinstance(light, Environment)]
     skies = environments(scene.lights)
     domes = [mean_emission(shape.emission) for shape in scene.shapes if encloses(shape) and shape.emission]
     return Task(

@@ -91,11 +91,19 @@ class LightGroup(Protocol):
 
 
 @runtime_checkable
-class Surroundings(Protocol):
+class Surroundings(LightGroup, Protocol):
     """A group of lights that rays meet where they leave the scene."""
 
-    def radiance_along(self, index: Index, wi: Floats) -> Floats:
-        """Radiance (3, n) that a ray along wi (3, n), unit, sees. index: (n,) which light of the group."""
+    @property
+    def flux(self) -> Floats:
+        """(k,): radiance times solid angle of each, by which one is chosen where they are several."""
+        ...
+
+    def radiance_along(self, index: Index, ref_p: Floats, wi: Floats) -> Floats:
+        """Radiance (3, n) that rays from ref_p (3, n) or (3, 1) along wi (3, n), unit, see.
+
+        index: (n,) which light of the group.
+        """
         ...
 
 

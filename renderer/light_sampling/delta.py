@@ -16,6 +16,8 @@ from scenes.description.lights import Light
 from scenes.errors import Location, SceneError
 
 TECHNIQUES = ("area", "solid-angle", "projected-solid-angle", "environment", "environment-compensated")
+# Axes from decimal text are orthonormal to some 1e-16; what is off by more was scaled or sheared.
+ORTHONORMAL = 1e-9
 L = TypeVar("L", bound=Light)
 
 
@@ -119,6 +121,13 @@ def unit_vector(vector: Floats, what: str, where: Location | None) -> Floats:
     if not length[0] > 0:
         raise SceneError(f"{what} must not be zero", where)
     return towards(vector[:, None], np.zeros((3, 1)))[0][:, 0]
+
+
+def light_axes(frame: Floats, what: str, where: Location | None) -> Floats:
+    """Axes (3, 3) that images are laid by; SceneError where they are not orthonormal."""
+    if not np.abs(frame.T @ frame - np.eye(3)).max() < ORTHONORMAL:
+        raise SceneError(f"{what} axes may be turned and mirrored, but not scaled or sheared", where)
+    return frame
 
 
 def _arrives(wi: Floats, irradiance: Floats) -> NDArray[np.bool_]:

@@ -92,6 +92,13 @@ class EnvironmentLights:
             "environment-compensated": TexelSampling(self, self.compensated),
         }
 
+    @property
+    def flux(self) -> Floats:
+        lit = [_lit(self.grid, i, half) for i, half in enumerate(self.hemisphere)]
+        cuts = self.grid.first[1:]
+        bright = np.split(self.radiance.mean(axis=1), cuts)
+        return np.array([float(b @ s.ravel()) for b, s in zip(bright, lit, strict=True)])
+
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> EnvironmentLights:
         """SceneError for images that are no maps of the sphere or hold light that is no light."""
@@ -118,8 +125,8 @@ class EnvironmentLights:
             TexelDensity.of(lit, excess),
         )
 
-    def radiance_along(self, index: Index, wi: Floats) -> Floats:
-        """Radiance (3, n) that a ray sees that escapes along wi (3, n), unit. index: (n,) which
+    def radiance_along(self, index: Index, ref_p: Floats, wi: Floats) -> Floats:
+        """Radiance (3, n) that rays see which escape along wi (3, n), unit, from wherever. index: (n,) which
         environment.
         """
         w = self.local(index, wi)

@@ -7,7 +7,7 @@ A.5.6].
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,3 +144,114 @@ def _between(sums: Floats, line: Integers, cell: Integers, fraction: Floats) -> 
     at = line.astype(np.int64) * stride + cell
     low = flat.take(at)
     return low + fraction * (flat.take(at + 1) - low)
+
+
+@dataclass(frozen=True, eq=False)
+class WindowedPiecewiseConstant2D:
+    """k densities over the unit square, piecewise constant on square grids, each cut to a window of its own
+    for every sample.
+
+    size: (k,) cells along a side. first: (k,) where a grid's cells start. value: (m,) of all cells. corner:
+    (k,) where a grid's sums start. below: the integral from the origin to each of its (size + 1)^2 corners,
+    row by row, which interpolation makes exact everywhere [pharr2023, sec. A.5.7].
+    """
+
+    size: NDArray[np.int64]
+    first: NDArray[np.int64]
+    value: Floats
+    corner: NDArray[np.int64]
+    below: Floats
+
+    @staticmethod
+    def of(values: Sequence[Floats]) -> WindowedPiecewiseConstant2D:
+        """Densities in proportion to values, one (h, h) array for each grid, finite and not negative."""
+        size = np.array([len(v) for v in values], dtype=np.int64)
+        sums = [np.pad(v.cumsum(axis=0).cumsum(axis=1) / v.size, ((1, 0), (1, 0))) for v in values]
+        corners = (size + 1) ** 2
+        return WindowedPiecewiseConstant2D(
+            size,
+            np.cumsum(size**2) - size**2,
+            np.concatenate([v.ravel() for v in values]),
+            np.cumsum(corners) - corners,
+            np.concatenate([s.ravel() for s in sums]),
+        )
+
+    @property
+    def total(self) -> Floats:
+        """(k,) integrals over the whole square."""
+        return self.below[self.corner + (self.size + 1) ** 2 - 1]
+
+    def sample(self, index: Integers, low: Floats, high: Floats, u: Floats) -> tuple[Floats, Floats]:
+        """A point (2, n) in each row's window, and its density (n,); 0 in a window of no weight.
+
+        index: (n,) which grid. low, high: (2, n) ends of the windows in [0, 1]. u: (2, n) in [0, 1): u[0]
+        picks the first coordinate, u[1] the second.
+        """
+        size = self.size.take(index)
+        low, high = (np.broadcast_to(end, u.shape) for end in (low, high))
+
+        def across(x: Floats) -> Floats:
+            return self._integral(index, low[0], x, low[1], high[1])
+
+        x = _invert(across, low[0], high[0], size, u[0])
+        column = np.minimum((x * size).astype(np.int64), size - 1)
+        left, right = column / size, (column + 1) / size
+
+        def down(y: Floats) -> Floats:
+            return self._integral(index, left, right, low[1], y)
+
+        place = np.stack([x, _invert(down, low[1], high[1], size, u[1])])
+        return place, self.density(index, low, high, place)
+
+    def density(self, index: Integers, low: Floats, high: Floats, place: Floats) -> Floats:
+        """The density (n,) of `sample` at places (2, n) in their windows."""
+        size = self.size.take(index)
+        column, row = np.minimum((place * size).astype(np.int64), size - 1)
+        whole = self._integral(index, low[0], high[0], low[1], high[1])
+        cell: NDArray[np.int64] = self.first.take(index) + row * size + column
+        value = self.value.take(cell)
+        return np.divide(value, whole, out=np.zeros_like(value), where=whole > 0)
+
+    def _integral(self, index: Integers, x0: Floats, x1: Floats, y0: Floats, y1: Floats) -> Floats:
+        """Over rectangles, (n,); not below 0."""
+        upper = self._below(index, x1, y1) - self._below(index, x0, y1)
+        return np.maximum(upper - (self._below(index, x1, y0) - self._below(index, x0, y0)), 0.0)
+
+    def _below(self, index: Integers, x: Floats, y: Floats) -> Floats:
+        size = self.size.take(index)
+        (column, right), (row, down) = (_cell_of(v, size) for v in (x, y))
+        at = self.corner.take(index) + row * (size + 1) + column
+        top, bottom = (
+            self.below.take(line) * (1.0 - right) + self.below.take(line + 1) * right
+            for line in (at, at + size + 1)
+        )
+        return top * (1.0 - down) + bottom * down
+
+
+def _cell_of(v: Floats, size: Integers) -> tuple[NDArray[np.int64], Floats]:
+    """The cell (n,) of coordinates in [0, 1], and how far into it they are, in [0, 1]."""
+    cell = np.minimum((v * size).astype(np.int64), size - 1)
+    return cell, v * size - cell
+
+
+def _invert(
+    integral: Callable[[Floats], Floats], low: Floats, high: Floats, size: Integers, u: Floats
+) -> Floats:
+    """Where in [low, high] the integral reaches the share u (n,) of its value at `high`; linear in a cell.
+
+    The bisection goes over edges of cells. Its steps are as many for every row, so that a row's bits are its
+    own.
+    """
+    wanted = u * integral(high)
+    first, last = np.floor(low * size).astype(np.int64), np.ceil(high * size).astype(np.int64)
+    for _ in range(int(size.max(initial=1)).bit_length() + 1):
+        middle = (first + last) >> 1
+        before = (integral(np.clip(middle / size, low, high)) <= wanted) & (last - first > 1)
+        first = np.where(before, middle, first)
+        last = np.where(before | (last - first <= 1), last, middle)
+    start, end = (np.clip(edge / size, low, high) for edge in (first, last))
+    from_, to = integral(start), integral(end)
+    share = np.divide(wanted - from_, to - from_, out=np.zeros_like(u), where=to > from_)
+    # Not beyond the cell by rounding: the density of the next one may be another.
+    inside = np.minimum(start + (end - start) * np.clip(share, 0.0, 1.0), np.nextafter(last / size, 0.0))
+    return np.clip(np.maximum(inside, start), low, high)

@@ -175,7 +175,9 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
         kind, own = scene.lights.environment
         rows = np.flatnonzero(light < 0)
         light[rows] = own
-        radiance[:, rows] = kind.radiance_along(np.zeros_like(rows), wi.take(rows, axis=1))
+        radiance[:, rows] = kind.radiance_along(
+            np.zeros_like(rows), hit.p.take(rows, axis=1), wi.take(rows, axis=1)
+        )
     return Seen(light, wi, t, normal), radiance
 
 

@@ -9,6 +9,7 @@ the sphere is the upper one mirrored at s + t = 1.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
 
@@ -50,3 +51,35 @@ def sphere_to_square(w: Floats) -> Floats:
     lower = z < 0
     p, q = np.where(lower, 1.0 - t, s), np.where(lower, 1.0 - s, t)
     return np.stack([0.5 * (np.copysign(p, x) + 1.0), 0.5 * (np.copysign(q, y) + 1.0)])
+
+
+def bilinear_on_sphere(image: Floats, w: Floats) -> Floats:
+    """An image (h, h, 3) interpolated between texel middles towards unit vectors w (3, n): (3, n).
+
+    Beyond an edge the octahedron goes on at the same edge, the other way round. Beyond the first row and
+    column pbrt goes on one texel too far in, and so does this.
+    """
+    size = len(image)
+    place = sphere_to_square(w) * size - 0.5
+    low = np.floor(place).astype(np.int64)
+    right, down = place - low
+    out = np.zeros_like(w)
+    for j, share_down in ((0, 1.0 - down), (1, down)):
+        for i, share in ((0, 1.0 - right), (1, right)):
+            column, row = _wrapped(low[0] + i, low[1] + j, size)
+            out += (share * share_down) * image[row, column].T
+    return out
+
+
+def _wrapped(
+    column: NDArray[np.int64], row: NDArray[np.int64], size: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The texel that a column and a row, one beyond the image at most, stand for."""
+    if size == 1:
+        return np.zeros_like(column), np.zeros_like(row)
+    out = (column < 0) | (column >= size)
+    column = np.where(column < 0, -column, np.where(column >= size, 2 * size - 1 - column, column))
+    row = np.where(out, size - 1 - row, row)
+    out = (row < 0) | (row >= size)
+    row = np.where(row < 0, -row, np.where(row >= size, 2 * size - 1 - row, row))
+    return np.where(out, size - 1 - column, column), row

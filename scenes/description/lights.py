@@ -5,7 +5,7 @@ Every kind says the same few things of itself, so that nobody else needs to know
     where            its line of the scene file
     place            the point (3,) that it shines from, None without one
     towards          the unit vector (3,) towards a light at infinity, None for any other
-    surrounds        whether it shines from all around, the only one that a ray can meet
+    surrounds        whether it lies around the scene, the only one that a ray can meet
     has_closed_form  whether its unshadowed irradiance is a formula
     scaled           the light with its radiometric amount multiplied
     map_colors       the light with a function applied to its colours (..., 3)
@@ -147,9 +147,108 @@ class Environment:
         return replace(self, radiance=change(self.radiance), image=image)
 
 
-Light = PointLight | SpotLight | DistantLight | Environment
+@dataclass(frozen=True, eq=False)
+class PortalLight:
+    """What a sky sends in through a rectangle; from everywhere else it is dark.
+
+    sky: an `Environment` over the whole sphere, by pbrt's own mapping. corners: (4, 3), in turn around the
+    rectangle, in world space. Light passes against the cross product of the edges from the first corner to
+    the last and to the second: a point on the other side gets none.
+
+    pbrt does not look the sky's image up itself. It resamples it to angles about the portal's axes, as many
+    texels as the image has, and reads the nearest of those [pharr2023, sec. 12.5.3].
+    """
+
+    surrounds: ClassVar[bool] = True
+    place: ClassVar[None] = None
+    towards: ClassVar[None] = None
+    has_closed_form: ClassVar[bool] = False
+
+    sky: Environment
+    corners: Array
+
+    @property
+    def where(self) -> Location | None:
+        return self.sky.where
+
+    def scaled(self, factor: float) -> PortalLight:
+        return replace(self, sky=self.sky.scaled(factor))
+
+    def map_colors(self, change: Callable[[Array], Array]) -> PortalLight:
+        return replace(self, sky=self.sky.map_colors(change))
+
+
+@dataclass(frozen=True, eq=False)
+class GoniometricLight:
+    """A point light whose intensity in each direction is a texel of an image.
+
+    position: (3,). frame: (3, 3), columns the axes of the image's equal-area map in world space, orthonormal
+    (left-handed under a mirror). intensity: (3,), W/sr, multiplies the image (h, h), one number a texel.
+    Source: [pharr2023, sec. 12.2.3].
+    """
+
+    surrounds: ClassVar[bool] = False
+    towards: ClassVar[None] = None
+    has_closed_form: ClassVar[bool] = True
+
+    position: Array
+    frame: Array
+    intensity: Array
+    image: Array
+    where: Location | None = field(default=None, metadata={"content": False})
+
+    @property
+    def place(self) -> Array:
+        return self.position
+
+    def scaled(self, factor: float) -> GoniometricLight:
+        return replace(self, intensity=self.intensity * factor)
+
+    def map_colors(self, change: Callable[[Array], Array]) -> GoniometricLight:
+        return replace(self, intensity=change(self.intensity))
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectionLight:
+    """A slide projector: a point light whose intensity is an image on a plane before it.
+
+    position: (3,). frame: (3, 3), columns the way that the image's columns go, up to its first row, and along
+    its middle, in world space, orthonormal (left-handed under a mirror). intensity: (3,), W/sr, multiplies
+    the image (h, w, 3). fov: degrees that its shorter side spans. Source: [pharr2023, sec. 12.2.2].
+    """
+
+    surrounds: ClassVar[bool] = False
+    towards: ClassVar[None] = None
+    has_closed_form: ClassVar[bool] = True
+
+    position: Array
+    frame: Array
+    intensity: Array
+    image: Array
+    fov: float
+    where: Location | None = field(default=None, metadata={"content": False})
+
+    @property
+    def place(self) -> Array:
+        return self.position
+
+    @property
+    def half(self) -> tuple[float, float]:
+        """Half the width and the height of the image on the plane at distance 1."""
+        height, width = self.image.shape[:2]
+        pixel = float(np.tan(np.radians(self.fov) / 2)) / min(height, width)
+        return pixel * width, pixel * height
+
+    def scaled(self, factor: float) -> ProjectionLight:
+        return replace(self, intensity=self.intensity * factor)
+
+    def map_colors(self, change: Callable[[Array], Array]) -> ProjectionLight:
+        return replace(self, intensity=change(self.intensity), image=change(self.image))
+
+
+Light = PointLight | SpotLight | DistantLight | Environment | PortalLight | GoniometricLight | ProjectionLight
 
 
 def environments(lights: Iterable[Light]) -> tuple[Environment, ...]:
-    """Those of the lights that surround the scene."""
+    """Those of the lights that surround the scene without a portal."""
     return tuple(light for light in lights if isinstance(light, Environment))

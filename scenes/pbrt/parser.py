@@ -98,7 +98,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
     report = builder.report
     check_media(builder)
     ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures
-    lights = sum_environments(builder.lights, report)
+    lights = sum_environments(builder.lights)
     check_delta(builder)
     objects = {name: surfaces(builder, shapes) for name, shapes in builder.objects.items()}
     placed = [*surfaces(builder, builder.shapes), *expand_instances(builder.uses, objects, report)]

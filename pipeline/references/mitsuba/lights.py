@@ -1,4 +1,4 @@
-"""Lights that are no shapes, for Mitsuba: points, spots, directions and environments."""
+"""Lights that are no shapes, for Mitsuba: points, spots, projectors, directions and environments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,15 @@ import numpy as np
 from pipeline.references.mitsuba.environment import LatitudeLongitude, resampled
 from pipeline.references.mitsuba.shapes import Frame, affine
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight, environments
+from scenes.description.lights import (
+    DistantLight,
+    Environment,
+    Light,
+    PointLight,
+    ProjectionLight,
+    SpotLight,
+    environments,
+)
 from scenes.description.shapes import Array, basis
 from scenes.errors import SceneError
 
@@ -28,7 +36,8 @@ def lights(given: Sequence[Light], frame: Frame) -> tuple[list[Plugin], dict[str
     Radiance and irradiance do not depend on the scale of a scene; intensity grows with its square.
     """
     surroundings, notes = _environment(environments(given))
-    return [*(_emitter(light, frame) for light in given if not light.surrounds), *surroundings], notes
+    others = (light for light in given if not isinstance(light, Environment))
+    return [*(_emitter(light, frame) for light in others), *surroundings], notes
 
 
 @singledispatch
@@ -87,6 +96,41 @@ def _(light: SpotLight, frame: Frame) -> Plugin:
     if light.falloff_start < light.cone:
         picture = {"bitmap": falloff(light), "raw": True, "format": "variant", "wrap_mode": "clamp"}
         values["texture"] = Plugin("texture", "bitmap", picture)
+    return Plugin("emitter", "spot", values)
+
+
+@_emitter.register
+def _(light: ProjectionLight, frame: Frame) -> Plugin:
+    """A spot that does not fall off, with the image amid black texels on the plane at distance 1.
+
+    Mitsuba's own projector has light in proportion to the cosine cubed inside each texel, pbrt's has not.
+    """
+    image = light.image
+    if (image.shape[0] - image.shape[1]) % 2:  # the border must be as many whole texels on either side
+        image = image.repeat(2, axis=0).repeat(2, axis=1)
+    height, width = image.shape[:2]
+    side = int(np.ceil(np.hypot(height, width))) + 2  # the spot's cone holds the corners
+    side += (side - width) % 2
+    texel = 2 * light.half[0] / width
+    cone = float(np.degrees(np.arctan(side * texel / 2)))
+    if cone > WIDEST_CONE:
+        raise SceneError(
+            f"a projector of {light.fov:g} degrees is wider than Mitsuba's spot ({WIDEST_CONE:g})",
+            light.where,
+        )
+    if side > MOST_FALLOFF:
+        raise SceneError(f"a projector's image of {width} x {height} is too large for Mitsuba", light.where)
+    y, x = (side - height) // 2, (side - width) // 2
+    # Mitsuba has the first row at the bottom.
+    texels = np.pad(image[::-1], ((y, side - height - y), (x, side - width - x), (0, 0)))
+    picture = {"bitmap": texels, "raw": True, "format": "variant", "filter_type": "nearest"}
+    values: dict[str, Array | float | Plugin] = {
+        "to_world": affine(light.frame, frame.points(light.position)),
+        "intensity": light.intensity * frame.scale**2,
+        "cutoff_angle": cone,
+        "beam_width": cone,
+        "texture": Plugin("texture", "bitmap", {**picture, "wrap_mode": "clamp"}),
+    }
     return Plugin("emitter", "spot", values)
 
 

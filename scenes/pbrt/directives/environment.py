@@ -1,4 +1,4 @@
-"""`LightSource "infinite"`: constant and image environments, and the one that several of them add up to.
+"""`LightSource "infinite"`: constant and image environments, portals, and what several of them add up to.
 
 Two parameters are ours and no pbrt's: `"string mapping" "latitude-longitude"` for such an image, and `"bool
 hemisphere" true` for light only where the light's own z is positive.
@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.lights import Environment, Light
-from scenes.errors import Report, Unsupported
+from scenes.description.lights import Environment, Light, PortalLight
+from scenes.errors import Unsupported
 from scenes.pbrt.directives.texels import image_of, single
 from scenes.pbrt.spectra import LUMINANCE
 from scenes.pbrt.state import Builder
@@ -23,11 +23,12 @@ from scenes.pbrt.transforms import orthonormal
 Array = NDArray[np.float64]
 
 MAPPINGS = ("equal-area", "latitude-longitude")
+SAME_DIRECTION = 1e-3  # pbrt's own, on the cosines between the edges of a portal
 
 
 def infinite(
     builder: Builder, parameters: Parameters, colour: Array | None, scale: float, illuminance: float | None
-) -> Environment:
+) -> Environment | PortalLight:
     """An environment, `colour` being its `L` if it is given; Unsupported where its transformation
     stretches.
     """
@@ -37,21 +38,52 @@ def infinite(
             "the transformation stretches or shears the infinite light; that is not supported",
             parameters.where,
         )
-    if parameters.given("portal"):
-        parameters.vectors("point3", "portal")
-        parameters.unsupported(
-            "portal", "portal is not supported: leave it out, and the image stays the same but for its noise"
-        )
+    portal = _portal(parameters)
     hemisphere = parameters.flag("hemisphere", False)
     image, mapping = _image(builder, parameters, colour)
+    if portal is not None:
+        _check_sky_of_portal(parameters, hemisphere, mapping)
     radiance = (np.ones(3) if colour is None else colour) * scale
     if illuminance is not None:
+        # Behind a portal pbrt takes a constant for an image of one texel, the whole of which is straight up.
+        texels = np.ones((1, 1, 3)) if image is None and portal is not None else image
         radiance = radiance * (
-            illuminance / (np.pi if image is None else _illuminance(parameters, image, mapping))
+            illuminance / (np.pi if texels is None else _illuminance(parameters, texels, mapping))
         )
     if image is None and not hemisphere:
         frame = np.eye(3)  # which way it is turned changes nothing
-    return Environment(radiance, image, mapping, frame, hemisphere, parameters.where)
+    sky = Environment(radiance, image, mapping, frame, hemisphere, parameters.where)
+    return sky if portal is None else PortalLight(sky, portal)
+
+
+def _portal(parameters: Parameters) -> Array | None:
+    """`portal`: the corners (4, 3) of a rectangle in turn, in world space whatever the transformation is."""
+    corners = parameters.vectors("point3", "portal")
+    if corners is None:
+        return None
+    if len(corners) != 4:
+        raise parameters.fail("portal", f"a portal has four corners, not {len(corners)}")
+    edges = np.stack([corners[i] - corners[j] for i, j in ((1, 0), (2, 1), (2, 3), (3, 0))])
+    lengths = np.linalg.norm(edges, axis=1)
+    if not np.all(lengths > 0):
+        raise parameters.fail("portal", "two corners of the portal are the same point")
+    cosine = (edges / lengths[:, None]) @ (edges / lengths[:, None]).T
+    parallel = cosine[[0, 1], [2, 3]] - 1
+    if np.abs([*parallel, *cosine[[0, 1, 2, 3], [1, 2, 3, 0]]]).max() > SAME_DIRECTION:
+        raise parameters.fail("portal", "the portal is no rectangle whose corners are given in turn")
+    return corners
+
+
+def _check_sky_of_portal(parameters: Parameters, hemisphere: bool, mapping: str) -> None:
+    if hemisphere or mapping != MAPPINGS[0]:
+        parameters.unsupported(
+            "portal", "a portal with `hemisphere` or `mapping`, which are ours, is not supported"
+        )
+    source = parameters.take("L", "rgb", "spectrum", "blackbody")
+    if source is not None and source.type != "rgb":
+        parameters.unsupported(
+            "L", "a portal with an L that is no rgb is not supported: pbrt scales its luminance differently"
+        )
 
 
 def _image(builder: Builder, parameters: Parameters, colour: Array | None) -> tuple[Array | None, str]:
@@ -110,43 +142,33 @@ def _latitude_cosines(height: int, width: int) -> Array:
     return np.repeat(rows[:, None], width, axis=1)
 
 
-def sum_environments(lights: Sequence[Light], report: Report) -> tuple[Light, ...]:
-    """The lights with one environment at most, in the place of the first: constants add up, also to the
-    texels of an image.
+def sum_environments(lights: Sequence[Light]) -> tuple[Light, ...]:
+    """The lights, constants added up, also to the texels of the first image, in the place of the first.
 
-    Two images, and a whole sphere with a half of one, are no such light; the report says so.
+    Whatever has no exact sum stays a light of its own.
     """
-    total: Environment | None = None
-    for light in lights:
-        if isinstance(light, Environment):
-            total = light if total is None else _sum(total, light, report)
-    placed: list[Light] = []
+    kept: list[Light] = []
+    skies: list[tuple[int, Environment]] = []
     for light in lights:
         if not isinstance(light, Environment):
-            placed.append(light)
-        elif total is not None:
-            placed.append(total)
-            total = None
-    return tuple(placed)
+            kept.append(light)
+            continue
+        sums = ((k, i, _sum(sky, light)) for k, (i, sky) in enumerate(skies))
+        k, i, total = next((found for found in sums if found[2]), (len(skies), len(kept), light))
+        skies[k : k + 1], kept[i : i + 1] = [(i, total or light)], [total or light]
+    return tuple(kept)
 
 
-def _sum(first: Environment, second: Environment, report: Report) -> Environment:
-    where = second.where
-    problem = None
-    if first.image is not None and second.image is not None:
-        problem = "two infinite lights with images are not supported: add the images up in one"
-    elif first.hemisphere != second.hemisphere or (
+def _sum(first: Environment, second: Environment) -> Environment | None:
+    """The one environment that two of them are; None where they are none."""
+    if first.hemisphere != second.hemisphere or (
         first.hemisphere and not np.array_equal(first.frame, second.frame)
     ):
-        problem = (
-            "infinite lights over different parts of the sphere do not add up to one; that is not supported"
-        )
-    if problem is not None:
-        if where is not None:
-            report.add(problem, where)
-        return first
+        return None
     if first.image is None and second.image is None:
         return replace(first, radiance=first.radiance + second.radiance)
     light, constant = (first, second) if first.image is not None else (second, first)
-    image = single(light.radiance * light.image + constant.radiance) if light.image is not None else None
+    if light.image is None or constant.image is not None:
+        return None
+    image = single(light.radiance * light.image + constant.radiance)
     return replace(light, radiance=np.ones(3), image=image, where=first.where)

@@ -12,15 +12,24 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.lights import (
+    DistantLight,
+    Environment,
+    GoniometricLight,
+    Light,
+    PointLight,
+    PortalLight,
+    ProjectionLight,
+    SpotLight,
+)
 from scenes.description.shapes import Emission
-from scenes.errors import Unsupported
+from scenes.errors import SceneError, Unsupported
 from scenes.pbrt.directives.environment import infinite
-from scenes.pbrt.directives.texels import image_of
-from scenes.pbrt.spectra import colour
+from scenes.pbrt.directives.texels import image_of, means_of
+from scenes.pbrt.spectra import LUMINANCE, colour
 from scenes.pbrt.state import AreaLight, Builder, check_room, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
-from scenes.pbrt.transforms import COORDINATE_LIMIT, uniform_scale, unit
+from scenes.pbrt.transforms import COORDINATE_LIMIT, orthonormal, uniform_scale, unit
 from scenes.pbrt.write.side_files import SideFiles, scaled_image
 from scenes.pbrt.write.text import numbers, rotation
 
@@ -30,7 +39,7 @@ RADIANCE_LIMIT = 1e30
 
 
 def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`LightSource`: infinite, distant, point and spot."""
+    """`LightSource`: infinite, distant, and those that shine from a point."""
     if kind not in _LIGHTS:
         parameters.ignore()
         supported = ", ".join(f'"{name}"' for name in _LIGHTS)
@@ -79,8 +88,10 @@ def _positive(parameters: Parameters, name: str) -> float | None:
     return value if value > 0 else None
 
 
-def _position(builder: Builder, parameters: Parameters) -> Array:
-    position = builder.state.transform.points(parameters.point("from", (0.0, 0.0, 0.0))[None])[0]
+def _position(builder: Builder, parameters: Parameters, from_: bool = True) -> Array:
+    """Where a light stands, (3,). from_: whether it has a parameter of that name."""
+    own = parameters.point("from", (0.0, 0.0, 0.0)) if from_ else np.zeros(3)
+    position = builder.state.transform.points(own[None])[0]
     if not np.all(np.abs(position) <= COORDINATE_LIMIT):
         raise parameters.fail("from", f"the light lies beyond {COORDINATE_LIMIT:g}, the largest coordinate")
     return position
@@ -157,11 +168,104 @@ def _(light: DistantLight, files: SideFiles) -> list[str]:
     return [f'LightSource "distant" {aim} "rgb L" [ {numbers(light.irradiance)} ]']
 
 
+def _goniometric(builder: Builder, parameters: Parameters) -> Light:
+    intensity, power = emitted(parameters, "I"), _positive(parameters, "power")
+    name = _filename(parameters, "goniometric")
+    image = means_of(builder, parameters, name)
+    height, width = image.shape
+    if height != width:
+        raise parameters.fail(
+            "filename", f"{name!r} is {width} x {height}: the equal-area map of a goniometric light is square"
+        )
+    if power is not None:
+        intensity = _for_power(parameters, intensity, power, 4 * np.pi * float(image.mean()))
+    checked(parameters, "I", intensity * image.max())
+    axes = _axes(builder, parameters, "goniometric")[:, [0, 2, 1]]  # pbrt swaps y and z
+    return GoniometricLight(
+        _position(builder, parameters, from_=False), axes, intensity, image, parameters.where
+    )
+
+
+@light_text.register
+def _(light: GoniometricLight, files: SideFiles) -> list[str]:
+    name = files.add(np.repeat(light.image[..., None], 3, axis=2))
+    source = f'LightSource "goniometric" "rgb I" [ {numbers(light.intensity)} ] "string filename" {name}'
+    return [*_placed(light.position, light.frame[:, [0, 2, 1]], "a goniometric light's"), source]
+
+
+def _projection(builder: Builder, parameters: Parameters) -> Light:
+    scale, power, fov = factor(parameters), _positive(parameters, "power"), parameters.number("fov", 90.0)
+    if not 0 < fov < 180:
+        raise parameters.fail("fov", f"fov is an angle between 0 and 180 degrees, not {fov:g}")
+    image = image_of(builder, parameters, _filename(parameters, "projection"))
+    axes, position = _axes(builder, parameters, "projection"), _position(builder, parameters, from_=False)
+    light = ProjectionLight(position, axes, np.full(3, scale), image, fov, parameters.where)
+    if power is not None:
+        light = replace(
+            light, intensity=_for_power(parameters, light.intensity, power, _luminous_power(light))
+        )
+    checked(parameters, "filename", light.intensity * image.max())
+    return light
+
+
+def _luminous_power(light: ProjectionLight) -> float:
+    """pbrt's sum of luminance over the image, each texel by the solid angle of its middle."""
+    height, width = light.image.shape[:2]
+    x = (2 * np.arange(float(width)) + 1) / width - 1
+    y = (2 * np.arange(float(height)) + 1) / height - 1
+    right, up = light.half
+    solid = 4 * right * up / (height * width) / (1 + (x * right) ** 2 + (y[:, None] * up) ** 2) ** 1.5
+    return float(np.sum((light.image @ LUMINANCE) * solid))
+
+
+@light_text.register
+def _(light: ProjectionLight, files: SideFiles) -> list[str]:
+    name, scale = scaled_image(light.image, light.intensity, files)
+    source = f'LightSource "projection" "string filename" {name}{scale} "float fov" [ {light.fov!r} ]'
+    return [*_placed(light.position, light.frame, "a projection light's"), source]
+
+
+def _filename(parameters: Parameters, kind: str) -> str:
+    name = parameters.text("filename", "")
+    if not name:
+        raise SceneError(f'a {kind} light takes its image from "string filename"', parameters.where)
+    return name
+
+
+def _for_power(parameters: Parameters, intensity: Array, power: float, own: float) -> Array:
+    """`intensity` scaled so that a light of `own` lumens sends out `power`."""
+    if not own > 0:
+        raise parameters.fail("power", "the image is black: it cannot send out any power")
+    return checked(parameters, "power", intensity * (power / own))
+
+
+def _axes(builder: Builder, parameters: Parameters, kind: str) -> Array:
+    """The light's own axes in world space, orthonormal columns (3, 3)."""
+    axes = orthonormal(builder.state.transform.matrix[:3, :3])
+    if axes is None:
+        raise Unsupported(
+            f"the transformation stretches or shears the {kind} light; that is not supported",
+            parameters.where,
+        )
+    return axes
+
+
+def _placed(position: Array, axes: Array, what: str) -> list[str]:
+    return [f"Translate {numbers(position)}", rotation(axes, what)]
+
+
 def _infinite(builder: Builder, parameters: Parameters) -> Light:
     found = colour(parameters, "L", "illuminant", first=True)
     light = infinite(builder, parameters, found, factor(parameters), _positive(parameters, "illuminance"))
-    checked(parameters, "L", light.radiance if light.image is None else light.radiance * light.image.max())
+    sky = light.sky if isinstance(light, PortalLight) else light
+    checked(parameters, "L", sky.radiance if sky.image is None else sky.radiance * sky.image.max())
     return light
+
+
+@light_text.register
+def _(light: PortalLight, files: SideFiles) -> list[str]:
+    *placed, source = light_text(light.sky, files)
+    return [*placed, f'{source} "point3 portal" [ {numbers(light.corners)} ]']
 
 
 @light_text.register
@@ -205,4 +309,6 @@ _LIGHTS: dict[str, Callable[[Builder, Parameters], Light]] = {
     "distant": _distant,
     "point": _point,
     "spot": _spot,
+    "goniometric": _goniometric,
+    "projection": _projection,
 }

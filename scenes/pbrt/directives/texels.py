@@ -50,6 +50,18 @@ def numbers_of(
     return _found(builder, parameters, name, encoding, wrap, filter_.lower())
 
 
+def means_of(builder: Builder, parameters: Parameters, name: str) -> Array:
+    """As `image_of`, for a light's image of one number a texel, (h, w): the mean of red, green and blue.
+
+    pbrt keeps the mean in the precision of the file.
+    """
+    from scenes.images.exr import texture_header
+
+    image = image_of(builder, parameters, name)
+    header = texture_header(parameters.resolve(name))
+    return single(as_stored(image.mean(axis=2), header.storage, "sRGB"))
+
+
 def single(image: Array) -> Array:
     """Texels rounded to float32, which is what image files hold: a scene that is written out and read again
     is the same to the bit.

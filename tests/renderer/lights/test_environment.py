@@ -41,7 +41,7 @@ def pdf(light: EnvironmentLights, technique: str, wi: np.ndarray) -> np.ndarray:
 
 
 def seen(light: EnvironmentLights, wi: np.ndarray) -> np.ndarray:
-    return light.radiance_along(zeros(wi.shape[1]), wi)
+    return light.radiance_along(zeros(wi.shape[1]), np.zeros((3, 1)), wi)
 
 
 def sphere_grid(n: int) -> tuple[np.ndarray, float]:
@@ -313,7 +313,7 @@ def test_environments_side_by_side_change_no_bit():
             t = alone.techniques[technique].sample_direction(at, o, o, u[:, rows])
             assert np.array_equal(s.wi[:, rows], t.wi) and np.array_equal(s.pdf[rows], t.pdf)
             assert np.array_equal(s.radiance[:, rows], t.radiance)
-            assert np.array_equal(many.radiance_along(index[rows], t.wi), seen(alone, t.wi))
+            assert np.array_equal(many.radiance_along(index[rows], np.zeros((3, 1)), t.wi), seen(alone, t.wi))
 
 
 def test_what_is_missing_is_explained():

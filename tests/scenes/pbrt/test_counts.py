@@ -27,6 +27,8 @@ WORLD = {
     ),
     'LightSource "spot"': "rgb I, point3 from, point3 to, float coneangle, float conedeltaangle, float power",
     'LightSource "distant"': "rgb L, point3 from, float illuminance",
+    'LightSource "goniometric"': "rgb I, string filename, float power",
+    'LightSource "projection"': "string filename, float fov, float power, float scale",
     'AreaLightSource "diffuse"': "rgb L, bool twosided, float power, string filename",
     'Material "diffuse"': "rgb reflectance, spectrum reflectance, texture reflectance, string normalmap",
     'Material "conductor"': "rgb eta, spectrum k, float roughness, bool remaproughness, texture roughness",

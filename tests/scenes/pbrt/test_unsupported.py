@@ -21,7 +21,7 @@ PixelFilter "mitchell"
 Integrator "volpath" "integer maxdepth" 0
 MakeNamedMedium "fog" "string type" "homogeneous"
 WorldBegin
-LightSource "projection" "string filename" "gone.png"
+LightSource "laser" "string filename" "gone.png"
 MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5
 NamedMaterial "glass"
 Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float alpha" 0.5 "float wobble" 3
@@ -79,7 +79,7 @@ def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() ->
     for word in (
         "mitchell",
         "maxdepth is 0",
-        "projection",
+        "laser",
         "subsurface",
         ": alpha is",
         "wobble",
@@ -158,7 +158,6 @@ def test_a_bad_value_hides_nothing_behind_it() -> None:
         ('Attribute "shape" "float alpha" .5 ' + TRIANGLE, 19),
         ('Attribute "material" "texture roughness" "r" Material "conductor"', 22),
         ('Attribute "shape" "float phimax" 90 Shape "sphere"', 19),
-        ('Attribute "light" "point3 portal" [ 0 0 0 1 0 0 1 1 0 0 1 0 ] LightSource "infinite"', 19),
         ('Attribute "texture" "string mapping" "planar" Texture "t" "float" "checkerboard"', 21),
     ],
 )

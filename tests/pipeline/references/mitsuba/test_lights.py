@@ -11,7 +11,16 @@ from pipeline.references.mitsuba import environment as mitsuba_environment
 from pipeline.references.mitsuba.lights import FALLOFF_ERROR, falloff
 from pipeline.references.mitsuba.limits import reason
 from pipeline.references.mitsuba.scene import convert, normalising_frame
-from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
+from scenes.description.lights import (
+    DistantLight,
+    Environment,
+    GoniometricLight,
+    Light,
+    PointLight,
+    PortalLight,
+    ProjectionLight,
+    SpotLight,
+)
 from scenes.description.shapes import Array, Disk, Emission, Geometry, ShapeDescription, Sphere, TriangleMesh
 from scenes.errors import SceneError
 from tests.kit.mitsuba_checks import BACKEND, irradiance, lit, picture, render
@@ -62,6 +71,31 @@ DELTA: dict[str, tuple[Light, Array]] = {
     "spot with an edge, out": (dataclasses.replace(spot_over(40.5), falloff_start=40.0), RGB * 0),
     "below the floor": (DistantLight(unit(1, -2, -1), RGB), RGB * 0),
 }
+
+
+def projector(column: int, row: int, mirrored: bool = False) -> tuple[Light, Array]:
+    """2 from POINT, which lies in the middle of that texel of 3 by 2, all different, and what arrives."""
+    slide = 1 + np.arange(18.0).reshape(2, 3, 3)
+    frame = turned(unit(0.3, -1, 0.2), mirrored)
+    half = np.tan(np.radians(25)) * np.array([1.5, 1.0])
+    x, y = (np.array([column, row]) + 0.5) / [1.5, 1.0] - 1
+    way = frame @ [x * half[0], -y * half[1], 1.0]
+    way /= np.linalg.norm(way)
+    light = ProjectionLight(POINT - 2 * way, frame, RGB, slide, 50.0)
+    return light, RGB * slide[row, column] / 4 * -way[1]
+
+
+for _texel in ((0, 0), (2, 0), (0, 1), (1, 1)):
+    DELTA[f"projector, texel {_texel}"] = projector(*_texel)
+DELTA["projector, mirrored"] = projector(1, 0, True)
+
+
+def test_lights_that_mitsuba_lacks_are_refused_by_name():
+    sky, corners = Environment(RGB), np.array([[0.0, 1, 0], [0, 1, 1], [1, 1, 1], [1, 1, 0]])
+    for light in (PortalLight(sky, corners), GoniometricLight(POINT + Y, np.eye(3), RGB, np.ones((2, 2)))):
+        why = BACKEND.refuses(lit([floor()], [light], above(POINT, 2e-3, 0.1)))
+        assert why is not None
+        assert type(light).__name__ in why
 
 
 @pytest.mark.parametrize("name", DELTA)

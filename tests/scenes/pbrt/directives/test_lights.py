@@ -285,7 +285,7 @@ def test_images_on_other_shapes_are_refused(tmp_path: Path, shape: str) -> None:
 @pytest.mark.parametrize(
     ("body", "column", "words"),
     [
-        ('LightSource "projection" "string filename" "x.png"', 1, ('"projection"', "not supported")),
+        ('LightSource "laser"', 1, ('"laser"', "not supported")),
         ('LightSource "distant" "rgb L" [ 1 -1 1 ]', 35, ("negative: -1",)),
         ('LightSource "distant" "rgb I" [ 1 1 1 ]', 23, ('"rgb I"', '"rgb L"')),
         ('LightSource "distant" "point3 to" [ 0 0 0 ]', 23, ("same point",)),
