@@ -160,9 +160,13 @@ def test_runs_of_numbers(text: str, values: list[float], rest: str) -> None:
     assert run_of(PAD + text) == (values, rest)
 
 
-@pytest.mark.parametrize("text", ["1 2 3 ]", PAD + "]", PAD + "x", PAD + "# comment\n]", "x" * 100, "", PAD])
+@pytest.mark.parametrize("text", ["1 2 ]", "1 2 3 x", PAD + "]", PAD + "x", PAD + "# comment\n]", "x" * 100, "", PAD])
 def test_what_is_short_or_empty_is_no_run(text: str) -> None:
     assert run_of(text) is None
+
+
+def test_a_whole_list_of_several_numbers_is_a_run() -> None:
+    assert run_of("1 2 3 ]") == ([1, 2, 3], "]")
 
 
 def test_a_run_may_begin_with_a_long_word_or_comment() -> None:
