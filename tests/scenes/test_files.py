@@ -160,7 +160,9 @@ def test_runs_of_numbers(text: str, values: list[float], rest: str) -> None:
     assert run_of(PAD + text) == (values, rest)
 
 
-@pytest.mark.parametrize("text", ["1 2 ]", "1 2 3 x", PAD + "]", PAD + "x", PAD + "# comment\n]", "x" * 100, "", PAD])
+@pytest.mark.parametrize(
+    "text", ["1 2 ]", "1 2 3 x", PAD + "]", PAD + "x", PAD + "# comment\n]", "x" * 100, "", PAD]
+)
 def test_what_is_short_or_empty_is_no_run(text: str) -> None:
     assert run_of(text) is None
 
