@@ -97,8 +97,8 @@ def test_brushed_metal_agrees_with_pbrt_and_with_its_axes_turned_it_does_not():
 def test_layered_materials_agree_with_pbrt(name: str, spp: int):
     """pbrt's noise limits what is seen, as with brushed metal.
 
-    pbrt's f of a rough coat is brighter than its own samples of it; its image mixes both, by weights that
-    leave its samples a few per cent of the light here: below 0.1 % of any region.
+    pbrt's f of a rough coat is 4 to 9 % brighter here than its own samples of it, and its image mixes both.
+    With its samples in place of ours in that mix, `mis` gives 0.006 % less light, 0.06 % less in a region.
     """
     result = render(scenes.load(str(PBRT / f"{name}.pbrt")), estimator="mis", spp=spp, seed=5, threads=2)
     pair = pair_with(name, result.image, result.variance, 1e-3)

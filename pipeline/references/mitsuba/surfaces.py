@@ -46,7 +46,7 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
 
 @singledispatch
 def _bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
-    raise SceneError(f"Mitsuba has no counterpart of a {type(material).__name__} material", where)
+    raise SceneError(f"Mitsuba has no counterpart of pbrt's {type(material).__name__} materials", where)
 
 
 @_bsdf.register

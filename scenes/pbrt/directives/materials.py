@@ -32,6 +32,11 @@ Array = NDArray[np.float64]
 
 SMOOTH = 1e-3  # where neither alpha reaches this, pbrt-v4 takes a surface for smooth
 LEAST = 1e-4  # the least alpha of a surface that is not
+# Measured at alpha 0.03, 0.1, 0.3 and 1: 1, 4, 10 and 17 % at most.
+BRIGHT_WALKS = (
+    "pbrt's BSDF of a rough coat is brighter than its own samples of it, and this image holds to the BSDF: "
+    "where light comes from all around pbrt's image is darker, by 1 to 17 % of what the coat lets through"
+)
 
 
 def material(builder: Builder, kind: str, parameters: Parameters) -> None:
@@ -127,18 +132,22 @@ def _alpha(parameters: Parameters, part: str = "") -> tuple[float, float | None]
     """Of the microfacet distribution along dp/du and across, None where it is the same both ways; 0 for a
     surface that pbrt takes for smooth. part: as of `_conductor`.
     """
-    both, along_u, along_v = (f"{part}{name}" for name in ("roughness", "uroughness", "vroughness"))
+    along_u, along_v, both = _roughnesses(part)
     roughness = parameters.number(both, 0.0)
     u, v = parameters.number(along_u, roughness), parameters.number(along_v, roughness)
     remap = parameters.flag("remaproughness", True)
     if min(u, v) < 0:
-        name = next(name for name in (along_u, along_v, both) if parameters.given(name))
+        name = next(name for name in _roughnesses(part) if parameters.given(name))
         raise parameters.fail(name, f"{name} must not be negative")
     along, across = (float(np.sqrt(one)) if remap else one for one in (u, v))
     if max(along, across) < SMOOTH:
         return 0.0, None
     along, across = max(along, LEAST), max(across, LEAST)
     return along, None if along == across else across
+
+
+def _roughnesses(part: str) -> tuple[str, str, str]:
+    return f"{part}uroughness", f"{part}vroughness", f"{part}roughness"
 
 
 def _dielectric(parameters: Parameters) -> Dielectric:
@@ -180,6 +189,8 @@ def _coated_conductor(parameters: Parameters) -> Coated:
 def _coated(parameters: Parameters, part: str, base: Diffuse | Conductor) -> Coated:
     """part: what the names of the boundary's parameters begin with."""
     alpha, alpha_v = _alpha(parameters, part)
+    if alpha:
+        parameters.note(next(name for name in _roughnesses(part) if parameters.given(name)), BRIGHT_WALKS)
     eta = _index(parameters, f"{part}eta")
     if eta < 0:
         raise parameters.fail(f"{part}eta", f"{part}eta must be positive, not {eta:g}")

@@ -81,6 +81,27 @@ def test_a_coat_of_no_contrast_and_no_thickness_is_not_there(mu_o: float, mu_i: 
     assert error < 1e-15 and mean == pytest.approx(0.6 / np.pi, rel=1e-14)
 
 
+METAL = Conductor(np.array([0.2, 0.5, 1.0]), np.array([3.0, 2.5, 2.0]), 0.3)
+
+
+@pytest.mark.parametrize(("mu_o", "mu_i", "turn"), VIEWS)
+@pytest.mark.parametrize("brushed", [None, 0.1])
+def test_metal_under_a_smooth_coat_is_seen_through_it(
+    mu_o: float, mu_i: float, turn: float, brushed: float | None
+) -> None:
+    """One bounce is the bare metal's f in the medium, at the refracted directions; without contrast the bare
+    metal's own.
+    """
+    metal = replace(METAL, alpha_v=brushed)
+    for eta in (1.0, 1.5):
+        (f_o, inside_o), (f_i, inside_i) = fresnel(mu_o, eta), fresnel(mu_i, eta)
+        coated = CoatedMaterials.make([shape(Coated(Dielectric(eta, 0.0), metal, 0.0, max_depth=1))])
+        bare = ConductorMaterials.make([shape(replace(metal, eta=metal.eta / eta, k=metal.k / eta))])
+        found = coated.evaluate(seen(local(mu_o, 0.3)), local(mu_i, 0.3 + turn))
+        truth = bare.evaluate(seen(local(inside_o, 0.3)), local(inside_i, 0.3 + turn))
+        np.testing.assert_allclose(found, truth * (1 - f_o) * (1 - f_i) / eta**2, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     "coat", [Dielectric(1.5, 0.3), Dielectric(1.5, 0.4, alpha_v=0.1), Dielectric(1.2, 0.05)]
 )

@@ -242,3 +242,16 @@ def test_all_of_a_coated_metal_is_read() -> None:
     gray = coated('Material "coatedconductor" "rgb reflectance" [ .7 .7 .7 ]')
     assert isinstance(gray.base, Conductor)
     np.testing.assert_array_equal(gray.base.k, conductor('"rgb reflectance" [ .7 .7 .7 ]').k)
+
+
+@pytest.mark.parametrize(
+    ("body", "noted"),
+    [
+        ('Material "coateddiffuse" "float roughness" 0.1', True),
+        ('Material "coatedconductor" "float interface.vroughness" 0.1', True),
+        ('Material "coateddiffuse"', False),
+        ('Material "coatedconductor" "float conductor.roughness" 0.1', False),
+    ],
+)
+def test_of_rough_coats_a_note_says_how_pbrts_image_differs(body: str, noted: bool) -> None:
+    assert any("rough coat" in note for note in world(body + BALL).notes) == noted
