@@ -51,16 +51,20 @@ ILLUMINANTS = {
     **{f"stdillum-F{i}": f"FL{i}" for i in range(1, 13)},
     "illum-acesD60": "D60",
 }
-# CIE xy of red, green and blue: IEC 61966-2-1, ITU-R BT.2020, and pbrt's P3, whose white is D65 too.
+# CIE xy of red, green and blue: IEC 61966-2-1, ITU-R BT.2020, pbrt's P3, whose white is D65 too, and SMPTE
+# ST 2065-1.
 PRIMARIES = {
     "srgb": ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06)),
     "rec2020": ((0.708, 0.292), (0.17, 0.797), (0.131, 0.046)),
     "dci-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06)),
+    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077)),
 }
-# pbrt's glasses by their index at 587.6 nm, as Schott's catalogue has it.
+WHITES = {"aces2065-1": "D60"}  # of those whose white is not D65
+# pbrt's glasses by their index at 587.6 nm, as Schott's catalogue has it; F5, F10 and F11 are Schott's SF5,
+# SF10 and SF11.
 GLASSES = {
     "glass-BK7": 1.5168, "glass-BAF10": 1.67003, "glass-FK51A": 1.48656, "glass-LASF9": 1.85025,
-    "glass-F5": 1.60342, "glass-SF5": 1.67271, "glass-SF10": 1.72825, "glass-SF11": 1.78472,
+    "glass-F5": 1.67271, "glass-F10": 1.72825, "glass-F11": 1.78472,
 }  # fmt: skip
 PEAK = 2.8977721e-3  # Wien's constant in m K, as pbrt has it
 OPAQUE = 0.9999  # pbrt's greatest reflectance of a conductor
@@ -160,16 +164,21 @@ def conductor_of_reflectance(r: Array) -> tuple[Array, Array]:
     return np.ones(3), 2 * np.sqrt(r / (1 - r))
 
 
-def from_space(name: str, rgb: Array, most: float) -> Array:
+def from_space(name: str, rgb: Array, most: float, role: Role) -> Array:
     """(3,) linear RGB of one of SPACES as linear sRGB, what sRGB does not hold cut off below 0 and above
     `most`.
 
-    Their white is D65 as sRGB's, so that grays stay what they are. What pbrt's film shows of a saturated
-    reflectance also hangs on the spectrum that pbrt makes of it, and agrees as little as any saturated one's
-    does.
+    A white surface is white, whatever the space: where its white is not sRGB's, what is no light is adapted
+    by Bradford's method. What pbrt's film shows of a saturated reflectance also hangs on the spectrum that
+    pbrt makes of it, and agrees as little as any saturated one's does.
     """
-    here, there = _to_xyz(np.array(PRIMARIES["srgb"])), _to_xyz(np.array(PRIMARIES[name]))
-    return np.clip(np.asarray(np.linalg.solve(here, there @ rgb), dtype=np.float64), 0.0, most)
+    here, white = _to_xyz(np.array(PRIMARIES["srgb"])), WHITES.get(name, "D65")
+    xyz = _to_xyz(np.array(PRIMARIES[name]), white) @ rgb
+    if white != "D65" and role != "illuminant":
+        whites = (_observer() @ _illuminant(one) for one in (white, "D65"))
+        one, other = (xyz_of_white / xyz_of_white[1] for xyz_of_white in whites)
+        xyz = _colour().adaptation.matrix_chromatic_adaptation_VonKries(one, other, "Bradford") @ xyz
+    return np.clip(np.asarray(np.linalg.solve(here, xyz), dtype=np.float64), 0.0, most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,9 +262,9 @@ def _observer() -> Array:
     return np.ascontiguousarray(np.asarray(observer.values, dtype=np.float64).T)
 
 
-def _to_xyz(primaries: Array) -> Array:
-    """(3, 3) from linear RGB of these primaries (3, 2), their white being D65's own integral, to XYZ."""
-    white = _observer() @ _illuminant("D65")
+def _to_xyz(primaries: Array, illuminant: str = "D65") -> Array:
+    """(3, 3) from linear RGB of these primaries (3, 2), their white the illuminant's own integral, to XYZ."""
+    white = _observer() @ _illuminant(illuminant)
     return np.asarray(
         _colour().normalised_primary_matrix(primaries, white[:2] / white.sum()), dtype=np.float64
     )

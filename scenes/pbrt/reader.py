@@ -19,11 +19,11 @@ from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, W
 from scenes.pbrt.directives.textures import declare, texture
 from scenes.pbrt.state import Builder, MediumInterface, NamedMaterial, check_room
 from scenes.pbrt.text.lexer import Source, Token, odd_space
-from scenes.pbrt.text.parameters import OTHER_SPACES, SPACES, Parameters
+from scenes.pbrt.text.parameters import SPACES, Parameters
 from scenes.pbrt.text.stream import TokenStream
 from scenes.pbrt.text.syntax import PARAMETERS, Syntax
 from scenes.pbrt.text.template import Bindings, Header
-from scenes.pbrt.transforms import ARGUMENTS, apply_directive, identity
+from scenes.pbrt.transforms import ARGUMENTS, Transform, apply_directive, identity
 
 NO_INTEGRATOR = (
     "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
@@ -45,6 +45,7 @@ class Reader:
         )
         self._tokens = TokenStream(source, header.end, files)
         self._syntax = Syntax(self._tokens, bindings, self.builder.report, lambda: self.builder.state.space)
+        self._options: dict[str, Callable[[], None]] = {}
         self._late: dict[str, list[Callable[[], None]]] = {"float": [], "spectrum": []}
         self._blocks = Blocks(self.builder)
         # What only the world holds, and what may stand on both sides of WorldBegin.
@@ -80,6 +81,7 @@ class Reader:
             while (token := self._tokens.next()) is not None:
                 self._one(token)
         finally:  # also of a text that breaks off, so that what is not supported is known
+            self._set_options()
             for make in (*self._late["float"], *self._late["spectrum"]):
                 make()
             report_media(self.builder)
@@ -108,10 +110,7 @@ class Reader:
         name = token.text
         if name in ARGUMENTS:
             numbers = self._syntax.numbers(token, ARGUMENTS[name])
-            state = self.builder.state
-            self.builder.state = replace(
-                state, transform=apply_directive(name, numbers, state.transform, token.where)
-            )
+            self._transform(lambda one: apply_directive(name, numbers, one, token.where))
         elif name in self._words:
             self._words[name](token)
         elif name in OPTIONS:
@@ -128,6 +127,16 @@ class Reader:
             raise SceneError(
                 f"unknown directive {_short(name)!r}; there are: {', '.join(sorted(known))}", token.where
             )
+
+    def _transform(self, change: Callable[[Transform], Transform]) -> None:
+        """Change the transformations that are active; one object stands for both where they are the same."""
+        state = self.builder.state
+        start = change(state.transform) if state.active != "EndTime" else state.transform
+        if state.end is state.transform and state.active == "All":
+            end = start
+        else:
+            end = change(state.end) if state.active != "StartTime" else state.end
+        self.builder.state = replace(state, transform=start, end=end)
 
     def _parametrised(self, token: Token) -> None:
         if token.text in WORLD:
@@ -158,8 +167,27 @@ class Reader:
         if self.builder.in_world:
             raise SceneError(f"{token.text} must come before WorldBegin", token.where)
         kind = self._syntax.string(token)
-        parameters = self._syntax.parameters(token)
-        self._mean(parameters, lambda: OPTIONS[token.text](self.builder, kind, parameters))
+        parameters, state = self._syntax.parameters(token), self.builder.state
+        if token.text == "Camera":
+            self.builder.systems["camera"] = state.transform.inverted(), state.end.inverted()
+
+        def mean() -> None:
+            now, self.builder.state = self.builder.state, state
+            try:
+                self._mean(parameters, lambda: OPTIONS[token.text](self.builder, kind, parameters))
+            finally:
+                self.builder.state = now
+
+        if self._options.pop(token.text, None) is not None:
+            problem = f"{token.text} is given twice: the last one holds, as in pbrt"
+            self.builder.report.remark(problem, token.where)
+        self._options[token.text] = partial(self._attempt, token, mean)
+
+    def _set_options(self) -> None:
+        """Give each option its meaning: the last one of its name holds."""
+        options, self._options = self._options, {}
+        for mean in options.values():
+            mean()
 
     def _need_world(self, token: Token) -> None:
         if not self.builder.in_world:
@@ -168,12 +196,14 @@ class Reader:
     def _world_begin(self, token: Token) -> None:
         if self.builder.in_world:
             raise SceneError("WorldBegin is given twice", token.where)
+        self._set_options()
         if self.builder.integrator is None:
             self.builder.report.note(NO_INTEGRATOR, token.where)
         self.builder.camera = framed(self.builder)
         self.builder.in_world = True
-        self.builder.state = replace(self.builder.state, transform=identity())
-        self.builder.systems["world"] = identity()
+        world = identity()
+        self.builder.state = replace(self.builder.state, transform=world, end=world, active="All")
+        self.builder.systems["world"] = world, world
 
     def _reverse_orientation(self, token: Token) -> None:
         self.builder.state = replace(self.builder.state, reverse=not self.builder.state.reverse)
@@ -208,7 +238,10 @@ class Reader:
 
     def _coordinate_system(self, token: Token) -> None:
         check_room(self.builder.systems, "coordinate systems", token.where)
-        self.builder.systems[self._syntax.string(token)] = self.builder.state.transform
+        self.builder.systems[self._syntax.string(token)] = (
+            self.builder.state.transform,
+            self.builder.state.end,
+        )
 
     def _coord_sys_transform(self, token: Token) -> None:
         name = self._syntax.string(token)
@@ -219,18 +252,15 @@ class Reader:
             )
             self.builder.report.remark(problem, token.where)
             return
-        self.builder.state = replace(self.builder.state, transform=self.builder.systems[name])
+        start, end = self.builder.systems[name]
+        self.builder.state = replace(self.builder.state, transform=start, end=end)
 
     def _color_space(self, token: Token) -> None:
         name = self._syntax.string(token)
         if name.lower() not in SPACES:
-            if name.lower() not in OTHER_SPACES:
-                raise SceneError(
-                    f"no colour space is called {name!r}; there are: {', '.join(SPACES)}", token.where
-                )
-            raise Unsupported(
-                f'ColorSpace "{name}" is not supported; supported: {", ".join(SPACES)}', token.where
-            )
+            there = f"it is ignored, as in pbrt; there are: {', '.join(SPACES)}"
+            self.builder.report.remark(f"no colour space is called {name!r}: {there}", token.where)
+            return
         self.builder.state = replace(self.builder.state, space=name.lower())
 
     def _attribute(self, token: Token) -> None:
@@ -263,11 +293,10 @@ class Reader:
             raise SceneError(
                 f"ActiveTransform is All, StartTime or EndTime, not {_short(which)!r}", token.where
             )
-        if which != "All":
-            raise Unsupported(f"ActiveTransform {which} is not supported: nothing moves", token.where)
+        self.builder.state = replace(self.builder.state, active=which)
 
     def _transform_times(self, token: Token) -> None:
-        self._syntax.numbers(token, 2)  # of no effect while nothing moves
+        self._syntax.numbers(token, 2)  # of no effect: what moves is rendered as it stands at the start
 
 
 def _short(text: str) -> str:

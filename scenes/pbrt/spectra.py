@@ -71,7 +71,7 @@ def _rgb(parameters: Parameters, parameter: Parameter, role: Role) -> Array:
         return values + 0.0
     from scenes import color
 
-    return color.from_space(parameter.space, values, 1.0 if role == "reflectance" else np.inf)
+    return color.from_space(parameter.space, values, 1.0 if role == "reflectance" else np.inf, role)
 
 
 def _blackbody(parameters: Parameters, parameter: Parameter, role: Role) -> Array:

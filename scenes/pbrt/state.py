@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sized
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ MATERIALS_OF_VERSION_3 = (
 )  # fmt: skip
 
 Array = NDArray[np.float64]
+Active = Literal["All", "StartTime", "EndTime"]
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,13 @@ class AreaLight:
 class GraphicsState:
     """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its
     target. space: of `rgb`. media: None for empty space.
+
+    transform: when the shutter opens. end: when it closes. active: which of the two directives change.
     """
 
     transform: Transform = field(default_factory=identity)
+    end: Transform = field(default_factory=identity)
+    active: Active = "All"
     reverse: bool = False
     material: MaterialUse = field(default_factory=lambda: Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
     light: AreaLight | None = None
@@ -162,7 +168,9 @@ class Builder:
     materials: dict[str, MaterialUse] = field(default_factory=dict[str, MaterialUse])
     textures: dict[tuple[str, str], NamedTexture] = field(default_factory=dict[tuple[str, str], NamedTexture])
     texture_names: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
-    systems: dict[str, Transform] = field(default_factory=dict[str, Transform])
+    systems: dict[str, tuple[Transform, Transform]] = field(
+        default_factory=dict[str, tuple[Transform, Transform]]
+    )
     shapes: list[PlacedShape] = field(default_factory=list[PlacedShape])
     lights: list[Light] = field(default_factory=list[Light])
     objects: dict[str, list[PlacedShape]] = field(default_factory=dict[str, list[PlacedShape]])
@@ -172,6 +180,12 @@ class Builder:
     images: dict[tuple[str, ...], Array] = field(
         default_factory=dict[tuple[str, ...], Array]
     )  # `scenes.pbrt.directives.texels` fills it
+
+    def check_still(self, what: str, where: Location) -> None:
+        """Report `what` where it moves: it may be rendered as it stands when the shutter opens."""
+        start, end = self.state.transform.matrix, self.state.end.matrix
+        if start is not end and not np.array_equal(start, end):
+            self.report.substitute(f"{what} that moves", "as it stands at the start", where)
 
 
 Handler = Callable[[Builder, str, Parameters], None]

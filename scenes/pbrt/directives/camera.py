@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.scene import Camera, Film, Lens, OrthographicCamera, PerspectiveCamera, PixelFilter
-from scenes.errors import SceneError, Unsupported
-from scenes.pbrt.state import FILTERS, Builder, refuse_kind, require_value
+from scenes.errors import SceneError
+from scenes.pbrt.state import DEFAULT_FILTER, FILTERS, Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
 from scenes.pbrt.transforms import FLAT, rigid
 
 FILM_LIMIT = 65_535
 SAME_WINDOW = 1e-4  # relative; files write 1.7778 for 16 / 9
+SHARPENING = ("mitchell", "sinc")  # filters that are negative somewhere
 RADIUS_LIMIT = 16.0  # pixels
 SENSOR_LIMIT = 1e6  # pbrt's own, on what a pixel's sample may be
 # pbrt's measured sensors; "cie1931" integrates against the observer's matching functions.
@@ -33,7 +34,7 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Camera`: a projection, with or without a lens, under any invertible transformation."""
     if builder.state.transform.flattens:
         raise SceneError(FLAT, parameters.where)
-    builder.systems["camera"] = builder.state.transform.inverted()
+    builder.check_still("a camera", parameters.where)
     if builder.state.media is not None:
         builder.media_used.append((replace(builder.state.media, inside=""), None))
     builder.camera = PerspectiveCamera(np.eye(4), 90.0)  # holds while the rest of a refused scene is read
@@ -116,8 +117,10 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Film`: its size, its crop, and the imaging ratio of its sensor; an image is linear sRGB."""
     refuse_kind(kind, "rgb gbuffer spectral", parameters)
     if builder.state.space != SRGB:
-        problem = f'Film in ColorSpace "{builder.state.space}" is not supported: images are linear sRGB'
-        builder.report.add(f"{problem}; put ColorSpace behind Film", parameters.where)
+        problem = (
+            f'the film is in ColorSpace "{builder.state.space}": the image shows its colours in linear sRGB'
+        )
+        builder.report.note(problem, parameters.where)
     size = [
         parameters.integer(name, default) for name, default in (("xresolution", 1280), ("yresolution", 720))
     ]
@@ -191,13 +194,12 @@ def pixel_filter(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`PixelFilter`: box, triangle or gaussian."""
     if kind not in FILTERS:
         parameters.ignore()
-        raise Unsupported(
-            (
-                f'PixelFilter "{kind}" is not supported; supported: '
-                f"{', '.join(f'{name!r}' for name in FILTERS)}"
-            ).replace("'", '"'),
-            parameters.where,
-        )
+        if kind not in SHARPENING:
+            allowed = ", ".join(f'"{name}"' for name in (*FILTERS, *SHARPENING))
+            raise parameters.fail("", f'unknown PixelFilter "{kind}"; there are: {allowed}')
+        builder.report.substitute(f'PixelFilter "{kind}"', "with pbrt's default filter", parameters.where)
+        builder.film = replace(builder.film, pixel_filter=DEFAULT_FILTER)
+        return
     radii: list[float] = []
     for name in ("xradius", "yradius"):
         radius = parameters.number(name, FILTERS[kind])

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenes.errors import Location, SceneError
-from scenes.pbrt.state import Builder, refuse_kind, require_value
+from scenes.pbrt.state import Builder, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
 
 # pbrt-v4's sampler, what it is called here, and pbrt's number of samples where the file gives none.
@@ -53,9 +53,7 @@ def sampler(builder: Builder, kind: str, parameters: Parameters) -> None:
     if kind == "halton":
         parameters.text("randomization", "permutedigits")
     elif "sobol" in kind and parameters.text("randomization", "fastowen") not in ("fastowen", "owen"):
-        parameters.unsupported(
-            "randomization", 'randomization must be "fastowen" or "owen": points are Owen-scrambled'
-        )
+        parameters.remark("randomization", "points are Owen-scrambled, whatever randomization says")
     builder.defaults = replace(builder.defaults, sampler=SAMPLERS[kind], spp=spp, seed=seed)
 
 
@@ -67,9 +65,8 @@ def _count(parameters: Parameters, name: str, default: int) -> int:
 
 
 def _strata(parameters: Parameters) -> int:
-    require_value(
-        parameters, "jitter", parameters.flag("jitter", True), True, "strata are sampled at random points"
-    )
+    if not parameters.flag("jitter", True):
+        parameters.remark("jitter", "strata are sampled at random points, whatever jitter says")
     spp = _count(parameters, "xsamples", 4) * _count(parameters, "ysamples", 4)
     if spp > SPP_LIMIT:
         raise parameters.fail("xsamples", f"{spp} samples a pixel; at most {SPP_LIMIT} are supported")
@@ -147,7 +144,7 @@ def option(builder: Builder, name: str, value: str, where: Location) -> None:
         if value not in ("true", "false"):
             raise SceneError(f'Option "{name}" is true or false, not {value!r}', where)
         if value == "true":
-            builder.report.add(f'Option "{name}" is not supported: {HARMFUL[known]}', where)
+            builder.report.note(f'Option "{name}" is left out: {HARMFUL[known]}', where)
     elif known not in HARMLESS:
         allowed = ", ".join(sorted([*HARMLESS, *HARMFUL]))
         raise SceneError(f'unknown Option "{name}"; there are: {allowed}', where)

@@ -44,9 +44,11 @@ def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
         parameters.ignore()
         supported = ", ".join(f'"{name}"' for name in _LIGHTS)
         raise Unsupported(f'LightSource "{kind}" is not supported; supported: {supported}', parameters.where)
-    if builder.current_object is not None:  # pbrt adds it to the scene once, as if it stood outside
-        parameters.ignore()
-        raise Unsupported("a LightSource inside an object is not supported: put it outside", parameters.where)
+    if builder.current_object is not None:
+        problem = (
+            "a LightSource inside an object is one light of the scene, whatever the instances, as in pbrt"
+        )
+        builder.report.remark(problem, parameters.where)
     check_room(builder.lights, "lights", parameters.where)
     builder.lights.append(_LIGHTS[kind](builder, parameters))
 

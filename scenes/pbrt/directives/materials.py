@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material, Microfacets
 from scenes.errors import Location, PenumbraError, SceneError
+from scenes.pbrt.directives.stand_ins import hair, measured, subsurface
 from scenes.pbrt.directives.textures import TextureWriter, named_texture
 from scenes.pbrt.spectra import colour, colour_of, index_of, samples, spectrum_name
 from scenes.pbrt.state import (
@@ -247,6 +248,9 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "coateddiffuse": _coated_diffuse,
     "coatedconductor": _coated_conductor,
     "interface": _interface,
+    "subsurface": subsurface,
+    "measured": measured,
+    "hair": hair,
 }
 
 

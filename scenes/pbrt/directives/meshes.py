@@ -43,10 +43,11 @@ def triangle_mesh(parameters: Parameters, placement: Placement) -> list[Geometry
     parameters.vectors("vector3", "S")  # tangents; what is isotropic does not depend on them
     parameters.integers("faceIndices")  # for textures that are not supported
     world = placement.transform.points(vertices)
+    if given is not None and len(given) != len(vertices):
+        parameters.remark("N", f"{len(given)} normals for {len(vertices)} points: none is taken, as in pbrt")
+        given = None
     if given is None:
         return [TriangleMesh(world, faces, placement.turned, uv)]
-    if len(given) != len(vertices):
-        raise parameters.fail("N", f"{len(given)} normals for {len(vertices)} points")
     reverse, normals = _sides_and_normals(vertices, faces, given, placement, parameters, "N")
     return [TriangleMesh(world, faces, reverse, uv, normals)]
 
@@ -202,10 +203,14 @@ def indexed(parameters: Parameters, corners: int) -> tuple[Array, NDArray[np.int
             )
         return vertices, np.arange(corners, dtype=np.int64).reshape(1, corners)
     faces, tokens = indices
-    if not len(faces) or len(faces) % corners:
+    left = len(faces) % corners
+    if len(faces) < corners:
         raise parameters.fail(
             "indices", f'"integer indices" takes groups of {corners}, not {len(faces)} numbers'
         )
+    if left:
+        parameters.remark("indices", f"the last {left} of {len(faces)} indices are left over, as in pbrt")
+        faces = faces[:-left]
     _check_indices(faces, tokens, len(vertices))
     return vertices, faces.reshape(-1, corners)
 
@@ -223,5 +228,7 @@ def _uv(parameters: Parameters, count: int) -> Array | None:
     """Texture coordinates, (m, 2), one for each point; None if not given."""
     uv = parameters.vectors("point2", "uv")
     if uv is not None and len(uv) != count:
-        raise parameters.fail("uv", f"{len(uv)} texture coordinates for {count} points")
+        problem = f"{len(uv)} texture coordinates for {count} points: none is taken, as in pbrt"
+        parameters.remark("uv", problem)
+        return None
     return uv

@@ -26,8 +26,7 @@ TYPES_OF_VERSION_3 = ("color", "xyz")
 SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of older files
 INT32_MAX = 2**31 - 1
 SRGB = "srgb"
-SPACES = (SRGB, "rec2020", "dci-p3")  # those whose white is sRGB's
-OTHER_SPACES = ("aces2065-1",)
+SPACES = (SRGB, "rec2020", "dci-p3", "aces2065-1")
 # What pbrt takes where it takes numbers or colours, and nothing here does but where it says so.
 OTHER_FORMS = {"texture": ("float", "rgb", "spectrum")}
 # What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is

@@ -306,7 +306,6 @@ def test_images_on_other_shapes_are_refused(tmp_path: Path, shape: str) -> None:
         ('LightSource "distant" "spectrum L" "stdillum-X"', 23, ("unknown spectrum 'stdillum-X'",)),
         ('LightSource "distant" "spectrum L" [ "stdillum-A" "stdillum-A" ]', 23, ("one name, not 2",)),
         ('LightSource "distant" "spectrum L" "gone.spd"', 36, ("gone.spd", "No such file")),
-        ('ObjectBegin "o" LightSource "point" ObjectEnd', 17, ("inside an object",)),
     ],
 )
 def test_lights_that_cannot_be_are_refused_where_they_stand(
