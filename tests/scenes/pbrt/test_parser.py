@@ -106,10 +106,10 @@ def test_shapes_know_where_they_stand() -> None:
     ("body", "line", "column", "words"),
     [
         (
-            '  LightSource "goniometric" "rgb I" [ 1 1 1 ]',
+            '  LightSource "laser" "rgb I" [ 1 1 1 ]',
             1,
             3,
-            ('LightSource "goniometric"', '"infinite", "distant"'),
+            ('LightSource "laser"', '"infinite", "distant"'),
         ),
         ('\nTexture "t" "float" "wrinkled"', 2, 1, ("not supported", '"imagemap"')),
         ('Attribute "camera" "float fov" 1', 1, 1, ('"camera"', "shape, light")),
