@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.geometry.analytic import SPHERE, AnalyticPrimitives
 from renderer.geometry.primitives import is_analytic
+from renderer.geometry.quadrics import texture_coordinates, to_world
 from renderer.math.vectors import Floats, cross, dot
 from scenes.description.materials import is_oriented
 from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
@@ -69,6 +70,11 @@ class Coordinates:
             which = primitive[rows]
             away = p.take(rows, axis=1) - self.analytic.origin.take(which, axis=1)
             out[:, rows] = cross(np.ascontiguousarray(self.frames[:, 2].take(which, axis=1)), away)
+            for _, some in self.analytic.quadrics_among(which):
+                own = which[some]
+                local = self.analytic.in_object(own, p.take(rows[some], axis=1))
+                turn = np.stack([-local[1], local[0], np.zeros(own.size)])
+                out[:, rows[some]] = to_world(*self.analytic.axes(own), turn)
         return out
 
     def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -84,7 +90,12 @@ class Coordinates:
         u = np.where(phi < 0, phi + 2 * np.pi, phi) / (2 * np.pi)
         theta = np.arctan2(np.sqrt(x * x + y * y), z)
         flat = 1.0 - np.sqrt(x * x + y * y) / self.analytic.radius[which]
-        return np.stack([u, np.where(self.analytic.kind[which] == SPHERE, 1.0 - theta / np.pi, flat)])
+        out = np.stack([u, np.where(self.analytic.kind[which] == SPHERE, 1.0 - theta / np.pi, flat)])
+        for form, rows in self.analytic.quadrics_among(which):
+            own = which[rows]
+            local = self.analytic.in_object(own, p.take(rows, axis=1))
+            out[:, rows] = texture_coordinates(form, self.analytic.part(own), local)
+        return out
 
 
 def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:

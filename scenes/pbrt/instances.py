@@ -63,12 +63,6 @@ def expand_instances(
             if use.transform.flattens and not isinstance(shape.geometry, Mesh):
                 raise SceneError(FLAT, use.where)
             moved = place(shape.geometry, use.transform)
-            if moved is None:
-                report.add(
-                    "the instance stretches a sphere or a disk; ellipsoids and ellipses are not supported",
-                    use.where,
-                )
-                continue
             placed = PlacedShape(moved, shape.material, None, use.where)
             if isinstance(moved, Mesh):
                 key = (

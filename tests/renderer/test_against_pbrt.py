@@ -42,6 +42,7 @@ CASES = [
     ("film-and-window", "mis"),
     ("thin-lens", "mis"),
     ("orthographic", "mis"),
+    ("partial-quadrics", "mis"),
     ("smooth-normals", "mis"),
     ("smooth-normals", "projected-solid-angle"),
     *((name, "mis") for name in GLASS),
@@ -57,6 +58,7 @@ COLOUR = (
         "smooth-normals": 1e-3,
         "thin-lens": 1e-3,
         "orthographic": 1e-3,
+        "partial-quadrics": 1e-3,
     }
     | GLASS
 )
