@@ -80,6 +80,7 @@ def roots(form: str, part: Part, p: Floats, d: Floats) -> tuple[Floats, Floats]:
 
 def _there(form: str, part: Part, p: Floats) -> NDArray[np.bool_]:
     """Whether points of the whole surface belong to the part; False for NaN."""
+    out: NDArray[np.bool_]
     if form == "disk":
         square = p[0] * p[0] + p[1] * p[1]
         out = (square <= part.radius * part.radius) & (square >= part.inner * part.inner)
@@ -88,8 +89,8 @@ def _there(form: str, part: Part, p: Floats) -> NDArray[np.bool_]:
     else:  # poles that nothing cuts off are there, whatever rounding says
         out = ((part.zmin <= -part.radius) | (p[2] >= part.zmin)) & np.isfinite(p[2])
         out &= (part.zmax >= part.radius) | (p[2] <= part.zmax)
-    if (part.phimax < FULL_TURN).any():
-        out &= _angle(p) <= part.phimax
+    if bool(np.any(part.phimax < FULL_TURN)):
+        return out & (_angle(p) <= part.phimax)
     return out
 
 

@@ -101,7 +101,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
     lights = sum_environments(builder.lights)
     check_delta(builder)
     objects = {name: surfaces(builder, shapes) for name, shapes in builder.objects.items()}
-    placed = [*surfaces(builder, builder.shapes), *expand_instances(builder.uses, objects, report)]
+    placed = [*surfaces(builder, builder.shapes), *expand_instances(builder.uses, objects)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
     if ratio != 1:
