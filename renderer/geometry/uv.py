@@ -107,7 +107,7 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
 
     analytic: the primitives of these shapes. SceneError for a varying patch that is no parallelogram.
     """
-    if not any(varies(s) for s in shapes):
+    if not any(s.needs_uv for s in shapes):
         return None
     corners: list[Floats] = [np.zeros((0, 3, 3))]
     uv: list[Floats] = [np.zeros((0, 3, 2))]
@@ -143,16 +143,11 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
     )
 
 
-def varies(s: ShapeDescription) -> bool:
-    """Whether a shape's material or emission depends on texture coordinates."""
-    return s.material.needs_uv or (s.emission is not None and s.emission.image is not None)
-
-
 def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
     """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a mesh; an analytic patch
     is one of them, any other two.
     """
-    if isinstance(mesh, BilinearMesh) and varies(s) and not mesh.are_parallelograms():
+    if isinstance(mesh, BilinearMesh) and s.needs_uv and not mesh.are_parallelograms():
         what = "anisotropic roughness" if is_oriented(s.material) else "a texture"
         raise SceneError(f"{what} on a patch that is no parallelogram is not supported", s.where)
     if is_analytic(s):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.materials import Material
-from scenes.description.textures import ColorMap
+from scenes.description.textures import ColorMap, Texture
 from scenes.errors import Location
 
 Array = NDArray[np.float64]
@@ -423,12 +423,27 @@ Geometry = Mesh | Sphere | Disk | Quadric
 
 @dataclass(frozen=True, eq=False)
 class ShapeDescription:
-    """One `Shape` of the scene file. `where` is for messages and no part of the content."""
+    """One `Shape` of the scene file. `where` is for messages and no part of the content.
+
+    alpha: how likely a ray is to meet the shape where it lies, equal in all three components; None: it always
+    does.
+    """
 
     geometry: Geometry
     material: Material
     emission: Emission | None = None
     where: Location | None = field(default=None, metadata={"content": False})
+    alpha: Texture | None = None
+
+    @property
+    def needs_uv(self) -> bool:
+        """Whether it matters how texture coordinates lie on the shape."""
+        textured = self.alpha is not None and not isinstance(self.alpha, np.ndarray)
+        return (
+            textured
+            or self.material.needs_uv
+            or (self.emission is not None and self.emission.image is not None)
+        )
 
     def scaled(self, factor: float) -> ShapeDescription:
         """The shape with its emission multiplied."""

@@ -63,11 +63,12 @@ def expand_instances(
             if use.transform.flattens and not isinstance(shape.geometry, Mesh):
                 raise SceneError(FLAT, use.where)
             moved = place(shape.geometry, use.transform)
-            placed = PlacedShape(moved, shape.material, None, use.where)
+            placed = PlacedShape(moved, shape.material, None, use.where, shape.alpha)
             if isinstance(moved, Mesh):
                 key = (
                     type(moved),
                     id(shape.material),
+                    shape.alpha,
                     moved.reverse,
                     moved.uv is None,
                     vertex_normals(moved) is None,

@@ -67,6 +67,10 @@ def affine(axes: Array, origin: Array) -> Array:
 
 def shapes(shape: ShapeDescription, frame: Frame) -> Iterator[Plugin]:
     """The shape in normalised coordinates; SceneError where it has no counterpart."""
+    if shape.alpha is not None:
+        raise SceneError(
+            "Mitsuba's shadow rays stop at a surface whatever its opacity, and this has an alpha", shape.where
+        )
     if shape.emission is None or not shape.emission.two_sided:
         yield from plugins(shape.geometry, shape, frame, 0.0)
         return

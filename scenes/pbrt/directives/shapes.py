@@ -27,11 +27,13 @@ from scenes.description.shapes import (
     pbrt_samples,
     vertex_normals,
 )
+from scenes.description.textures import Texture
 from scenes.errors import Location, PenumbraError, SceneError, Unsupported
 from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
-from scenes.pbrt.state import Builder, PlacedShape, check_room
+from scenes.pbrt.directives.textures import named_texture
+from scenes.pbrt.state import Alpha, AreaLight, Builder, NamedAlpha, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, FLAT, Transform, orthonormal, uniform_scale, unit
@@ -61,10 +63,11 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
         )
         light = None
     placement = Placement(state.transform, state.reverse, light)
-    placed = [
-        PlacedShape(geometry, state.material, light, parameters.where)
-        for geometry in build_shape(kind, parameters, placement)
-    ]
+    geometries = build_shape(kind, parameters, placement)
+    alpha = _alpha(parameters, light)
+    if alpha == 0.0 and light is None:
+        return  # no ray ever meets it
+    placed = [PlacedShape(one, state.material, light, parameters.where, alpha) for one in geometries]
     if light is not None and not all(pbrt_samples(one.geometry) for one in placed):
         builder.report.remark(
             f"pbrt lights a scene by the whole {kind}, unstretched: here the light is what is seen of it",
@@ -95,7 +98,6 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
         raise Unsupported(
             f"shape {kind!r} is not supported; supported: {', '.join(_SHAPES)}", parameters.where
         )
-    _check_alpha(parameters)
     if placement.transform.flattens and kind not in MESHES:
         raise SceneError(FLAT, parameters.where)
     with np.errstate(all="ignore"):
@@ -107,10 +109,33 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
         return [_emitting(g, parameters) for g in geometries] if placement.light else geometries
 
 
-def _check_alpha(parameters: Parameters) -> None:
+def _alpha(parameters: Parameters, light: AreaLight | None) -> Alpha | None:
+    """How likely rays meet the shape, None where they always do.
+
+    A light of alpha 0 is sampled and never met, as in pbrt.
+    """
     parameter = parameters.take("alpha", "float", "texture")
-    if parameter is not None and (parameter.type == "texture" or parameters.number("alpha", 1.0) != 1):
-        parameters.unsupported("alpha", "alpha is not supported: surfaces have no holes")
+    if parameter is None:
+        return None
+    alpha: Alpha
+    if parameter.type == "texture":
+        alpha = NamedAlpha(parameters.text_of(parameter), parameter.where)
+    else:
+        alpha = max(parameters.number("alpha", 1.0), 0.0)
+        if alpha >= 1:
+            return None
+    if light is not None and alpha != 0.0:
+        parameters.substitute("alpha", "alpha of an area light that is not 0", "opaque")
+        return None
+    return alpha
+
+
+def resolve_alpha(alpha: Alpha | None, builder: Builder) -> Texture | None:
+    """The alpha of a shape, its name looked up; SceneError where there is no such texture."""
+    if isinstance(alpha, NamedAlpha):
+        found = named_texture(builder, "float", alpha.texture, alpha.where).value
+        return None if isinstance(found, np.ndarray) and found.min() >= 1 else found
+    return None if alpha is None else np.full(3, alpha)
 
 
 def range_problem(geometry: Geometry) -> str | None:

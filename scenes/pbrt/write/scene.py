@@ -180,4 +180,5 @@ def _shape(shape: ShapeDescription, textures: TextureWriter) -> list[str]:
     if shape.emission is not None:
         lines.append(area_light_text(shape.emission, textures.files))
     lines += material_text(shape.material, textures)
-    return [*lines, *shape_text(shape.geometry, shape.emission is not None)]
+    alpha = [] if shape.alpha is None else [f"  {textures.parameter('float', 'alpha', shape.alpha, lines)}"]
+    return [*lines, *shape_text(shape.geometry, shape.emission is not None), *alpha]

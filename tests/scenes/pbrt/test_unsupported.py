@@ -24,7 +24,7 @@ WorldBegin
 LightSource "laser" "string filename" "gone.png"
 MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5
 NamedMaterial "glass"
-Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float alpha" 0.5 "float wobble" 3
+Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float wobble" 3
 Shape "curve" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
 Texture "rust" "spectrum" "fbm"
 Material "diffuse" "texture reflectance" "rust"
@@ -55,7 +55,6 @@ PLACES_OF_SCENE = [
         (7, 1),
         (8, 1),
         (10, 55),
-        (10, 73),
         (11, 1),
         (12, 1),
         (14, 1),
@@ -81,7 +80,6 @@ def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() ->
         "maxdepth is 0",
         "laser",
         "subsurface",
-        ": alpha is",
         "wobble",
         "'curve'",
     ):
@@ -150,7 +148,6 @@ def test_a_bad_value_hides_nothing_behind_it() -> None:
         ('Attribute "material" "string normalmap" "n.png" Material "diffuse"', 22),
         ('Attribute "material" "texture displacement" "t" MakeNamedMaterial "m" "string type" "diffuse"', 22),
         ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
-        ('Attribute "shape" "float alpha" .5 ' + TRIANGLE, 19),
         ('Attribute "material" "texture roughness" "r" Material "conductor"', 22),
         ('Attribute "texture" "string mapping" "planar" Texture "t" "float" "checkerboard"', 21),
     ],
