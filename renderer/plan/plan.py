@@ -244,7 +244,7 @@ def _shading_normals(scene: RenderScene) -> list[Decision]:
 def _alpha(scene: RenderScene) -> list[Decision]:
     if scene.cutouts is None:
         return []
-    reason = f"{len(scene.cutouts.alphas)} of {len(scene.bounds)} shapes have an alpha"
+    reason = f"{len(scene.cutouts.alphas)} of {len(scene)} shapes have an alpha"
     return [Decision("holes in surfaces", True, reason, "none")]
 
 
