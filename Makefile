@@ -4,10 +4,12 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-all check env env-dev system-parts clean
+.PHONY: help demo test test-fast test-all check env env-dev system-parts clean
 
 export UV_PROJECT_ENVIRONMENT := .venv
 unexport VIRTUAL_ENV
+# Without bytecode each process that a test starts compiles NumPy and SciPy anew: half the time of a start.
+unexport PYTHONDONTWRITEBYTECODE
 
 # uv from the PATH where it can read our lock file, else one of our own.
 UV_VERSION := 0.13.9
@@ -17,7 +19,8 @@ BIN := .venv/bin
 help:
 	@echo 'make demo      run the main job; its last line is the path of the report'
 	@echo 'make test      run the tests (as root, installs chromium and OpenGL with apt if they are missing)'
-	@echo 'make test-all  the same with the slow tests'
+	@echo 'make test-fast the tests that need no Mitsuba, process, browser, OpenGL or many samples: about a minute'
+	@echo 'make test-all  all of them with the slow tests'
 	@echo 'make check     formatting, lint, types and the direction of imports'
 	@echo 'make clean     remove the environment and caches; runs/ stays'
 
@@ -29,6 +32,9 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 test: system-parts
 	$(PYTEST) $(ARGS)
+
+test-fast: env-dev
+	PENUMBRA_FAST=1 $(PYTEST) $(ARGS)
 
 test-all: system-parts
 	PENUMBRA_SLOW=1 $(PYTEST) $(ARGS)

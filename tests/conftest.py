@@ -1,13 +1,13 @@
 """Switches that hold for every test: run-time type checks, the slow tier, markers set by fixtures, and tests
 that need a part of the system.
 
-PENUMBRA_FAST=1 leaves out the tests that start processes, and fails one that starts some
-without a fixture or marker that says so.
+PENUMBRA_FAST=1 (`make test-fast`) leaves out, by their markers, the tests that start processes, Mitsuba, a
+browser or OpenGL, and the statistical ones; a test that stays in and starts one of them all the same fails.
 PENUMBRA_SLOW=1 (`make test-all`) brings in the tests marked `slow`.
 PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a
 failure.
 
-The fixtures `processes`, `mitsuba` and `playwright` set the markers by which a run leaves out their tests.
+The fixtures `processes`, `mitsuba`, `browser`, `opengl` and `statistical` set the markers.
 """
 
 from __future__ import annotations
@@ -23,21 +23,27 @@ from pathlib import Path
 if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores, so that each multiplies on one
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import jaxtyping
 import pytest
 
+from tests.kit import typed_calls
 from tests.system_parts import TEST, Part
 
 # Before any of the packages is imported: every annotated call in them is checked while the tests run.
-jaxtyping.install_import_hook(["scenes", "renderer", "pipeline"], "beartype.beartype")
+typed_calls.install("scenes", "renderer", "pipeline")
 
 STRICT = os.environ.get("PENUMBRA_STRICT") == "1"
 SLOW = os.environ.get("PENUMBRA_SLOW") == "1"
 FAST = os.environ.get("PENUMBRA_FAST") == "1"
 _NUMBERS = itertools.count()
 # By the fixture that sets it.
-MARKERS = {"processes": "process", "mitsuba": "mitsuba", "playwright": "browser"}
-STARTING = {*MARKERS.values(), "opengl"}  # markers of tests that start processes
+MARKERS = {
+    "processes": "process",
+    "mitsuba": "mitsuba",
+    "browser": "browser",
+    "opengl": "opengl",
+    "statistical": "statistical",
+}
+STARTING = {"process", "mitsuba", "browser", "opengl"}  # markers of tests that may start what `_refuse` names
 STARTS = {
     "subprocess.Popen",
     "os.fork",
@@ -46,6 +52,9 @@ STARTS = {
     "os.system",
     "os.exec",
 }  # audit events
+HEAVY = {"mitsuba": "mitsuba", "drjit": "mitsuba", "playwright": "browser"} | dict.fromkeys(
+    ("OpenGL", "pyrender", "pyvista", "vtkmodules", "vtk"), "opengl"
+)  # modules that no fast test may import, by the fixture that allows it
 _running = [""]  # the test that must start no process, while it runs
 
 
@@ -57,6 +66,21 @@ def processes() -> None:
 @pytest.fixture(scope="session")
 def mitsuba() -> None:
     """Requested by tests that render with Mitsuba, in a process of its own."""
+
+
+@pytest.fixture(scope="session")
+def browser() -> None:
+    """Requested by tests that start a browser."""
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """Requested by tests that draw with OpenGL, in a process of its own."""
+
+
+@pytest.fixture(scope="session")
+def statistical() -> None:
+    """Requested by tests whose verdict takes many samples, and seconds; each states its false alarms."""
 
 
 @pytest.fixture(scope="session")
@@ -76,10 +100,19 @@ def _references_of_this_test(
 
 
 def _refuse(event: str, arguments: tuple[object, ...]) -> None:
-    if _running[0] and (event in STARTS or (event == "import" and arguments[0] == "mitsuba")):
-        starts = "imports Mitsuba" if event == "import" else f"starts a process ({event})"
+    if not _running[0]:
+        return
+    if event == "import" and (fixture := HEAVY.get(str(arguments[0]).partition(".")[0])):
         pytest.fail(
-            f"{_running[0]} {starts}: let it request the fixture `processes` or `mitsuba`", pytrace=False
+            f"{_running[0]} imports {arguments[0]}: let it request the fixture `{fixture}`", pytrace=False
+        )
+    # The commit of the checkout is asked for once a process, by whichever test is the first to write it down.
+    if event in STARTS and not (event == "subprocess.Popen" and str(arguments[0]) == "git"):
+        command = " ".join(map(str, arguments[1])) if event == "subprocess.Popen" else ""
+        pytest.fail(
+            f"{_running[0]} starts a process ({event} {command}): let it request the fixture `processes`, "
+            "`mitsuba` or `opengl`",
+            pytrace=False,
         )
 
 
@@ -97,6 +130,12 @@ def _guard() -> None:
 
 if FAST:
     _guard()
+
+
+def pytest_collection_finish() -> None:
+    """What the files of the tests import is there before any test runs."""
+    if FAST and (early := {"mitsuba", "drjit", "OpenGL", "vtkmodules"} & sys.modules.keys()):
+        raise pytest.UsageError(f"imported with the tests' files: {', '.join(sorted(early))}")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -123,7 +162,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         for fixture in MARKERS.keys() & set(getattr(item, "fixturenames", ())):
             item.add_marker(MARKERS[fixture])
-    left_out = STARTING if FAST else set[str]()
+    left_out = STARTING | {"statistical"} if FAST else set[str]()
     if not SLOW and "slow" not in config.option.markexpr:
         left_out = left_out | {"slow"}
     out = [item for item in items if any(map(item.get_closest_marker, left_out))]

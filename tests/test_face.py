@@ -31,6 +31,7 @@ def test_every_name_of_the_face_is_there_and_documented() -> None:
         pn.rendr  # noqa: B018
 
 
+@pytest.mark.usefixtures("processes")
 def test_import_brings_no_numpy(tmp_path: Path) -> None:
     code = "import sys, penumbra; print([m for m in ('numpy', 'scenes', 'pipeline') if m in sys.modules])"
     assert _start([sys.executable, "-c", code], tmp_path).stdout == "[]\n"
@@ -74,6 +75,7 @@ def test_a_black_render_shows_itself() -> None:
 
 
 @pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.usefixtures("processes")
 def test_a_folder_with_a_package_of_our_name_is_one_clear_line(room: str, tmp_path: Path) -> None:
     (tmp_path / room).mkdir()
     (tmp_path / room / "__init__.py").write_text("")
@@ -89,6 +91,7 @@ def test_a_folder_with_a_package_of_our_name_is_one_clear_line(room: str, tmp_pa
     assert "hides Penumbra's own package" in _start([sys.executable, "-c", code], tmp_path).stderr
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_command_and_its_workers_find_our_packages_beside_others(tmp_path: Path) -> None:
     for room in ROOMS:
         (tmp_path / room).mkdir()
@@ -102,6 +105,7 @@ def test_the_command_and_its_workers_find_our_packages_beside_others(tmp_path: P
         assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.usefixtures("processes")
 def test_version() -> None:
     for command in ([str(SCRIPT)], [sys.executable, "-m", "penumbra"]):
         done = _start([*command, "--version"], SCRIPT.parent)

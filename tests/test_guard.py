@@ -1,4 +1,4 @@
-"""PENUMBRA_FAST=1 fails a test that starts a process, unless a fixture says that it does."""
+"""PENUMBRA_FAST=1 leaves tests out by their markers, and fails one that starts what it must not."""
 
 from __future__ import annotations
 
@@ -28,16 +28,36 @@ def test_by_fork():
 def test_by_mitsuba():
     import mitsuba
 
+def test_by_opengl():
+    import OpenGL
+
+def test_by_browser():
+    import playwright
+
 def test_without_a_process():
     pass
 
-def test_marked(processes):
+def test_that_asks_for_the_commit():
+    subprocess.run(["git", "--version"], check=True)
+
+def test_marked_process(processes):
     subprocess.run([sys.executable, "-c", ""], check=True)
+
+def test_marked_mitsuba(mitsuba):
+    import mitsuba
+
+def test_marked_opengl(opengl):
+    import OpenGL
+
+def test_marked_statistical(statistical):
+    pass
 """
 
 
 @pytest.mark.parametrize(
-    ("fast", "outcome"), [("1", "4 failed, 1 passed, 1 deselected"), ("0", "6 passed")], ids=["fast", "whole"]
+    ("fast", "outcome"),
+    [("1", "6 failed, 2 passed, 4 deselected"), ("0", "12 passed")],
+    ids=["fast", "whole"],
 )
 def test_a_start_of_a_process_fails_unless_a_fixture_marks_it(
     fast: str, outcome: str, tmp_path: Path, processes: None
@@ -58,4 +78,5 @@ def test_a_start_of_a_process_fails_unless_a_fixture_marks_it(
     environment = os.environ | {"PENUMBRA_FAST": fast}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
     assert f"{outcome} in " in done.stdout, done.stdout[-3000:]
-    assert done.stdout.count("let it request the fixture `processes`") >= (4 if fast == "1" else 0)
+    for fixture, failed in {"processes": 3, "mitsuba": 1, "opengl": 1, "browser": 1}.items():
+        assert done.stdout.count(f"let it request the fixture `{fixture}`") >= (failed if fast == "1" else 0)

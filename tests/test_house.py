@@ -62,8 +62,13 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def _imports(path: Path) -> Iterator[str]:
+@cache
+def _imports(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, by statement or by `import_module("name")`."""
+    return tuple(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[str]:
     for node in ast.walk(_tree(path)):
         match node:
             case ast.Import(names=names):
@@ -89,6 +94,7 @@ def test_library_is_imported_by_its_one_file_only(library: str) -> None:
     assert users <= {ONE_FILE[library]}
 
 
+@pytest.mark.usefixtures("processes")
 def test_reports_work_without_renderer() -> None:
     """Importing every module of reports brings in neither the renderer nor a reference renderer, lazy imports
     aside.

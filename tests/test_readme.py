@@ -48,6 +48,7 @@ def test_every_kind_of_block_is_known() -> None:
 
 
 @pytest.mark.parametrize(("language", "text"), BLOCKS, ids=[text.split("\n")[0][:40] for _, text in BLOCKS])
+@pytest.mark.usefixtures("processes")
 def test_block_runs(language: str, text: str, folder: Path) -> None:
     if language == "toml":
         (folder / text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")

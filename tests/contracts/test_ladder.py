@@ -23,7 +23,7 @@ UNBOUNDED = {name for name, e in ON_LADDER.items() if not e.bounded}
 
 
 @pytest.fixture(scope="module")
-def ladder() -> list[Rung]:
+def ladder(statistical: None) -> list[Rung]:
     return list(climb(samples=SAMPLES))
 
 

@@ -56,6 +56,7 @@ def test_the_sampled_pdf_is_the_pdf_asked_for(kind, technique, example):
 
 @pytest.mark.parametrize("samples", [SAMPLES, pytest.param(10 * SAMPLES, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("kind", "technique", "example"), SPREAD)
+@pytest.mark.usefixtures("statistical")
 def test_sampled_directions_follow_the_pdf(kind, technique, example, samples):
     """Chi-square on a grid of quantiles, against the pdf integrated by uniform directions in a cone.
 

@@ -239,6 +239,7 @@ LEVEL = 1 - 0.999 ** (1 / (len(OPAQUE) * len(VIEWS)))
 
 
 @pytest.mark.parametrize(("kind", "shape"), OPAQUE)
+@pytest.mark.usefixtures("statistical")
 def test_sampled_directions_follow_the_pdf(kind, shape):
     """Sidak over all views of all examples at 0.1 %. 1e5 samples in up to 120 cells catch a density off by
     some 4 % in a cell.

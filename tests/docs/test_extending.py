@@ -40,6 +40,7 @@ def test_every_module_is_used() -> None:
 
 
 @pytest.mark.parametrize("name", USES)
+@pytest.mark.usefixtures("processes")
 def test_example_runs(name: str, folder: Path) -> None:
     done = subprocess.run(
         [sys.executable, name],

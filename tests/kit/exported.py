@@ -6,12 +6,16 @@ from pathlib import Path
 
 from scenes.description.scene import SceneDescription
 from scenes.images.exr import write_exr
-from scenes.pbrt.write.scene import export
+from scenes.pbrt.write.scene import ExportedScene, export
 
 
 def written(scene: SceneDescription, folder: Path) -> Path:
     """The scene as a file in `folder`, its images beside it."""
-    exported = export(scene, "scene")
+    return laid_out(export(scene, "scene"), folder)
+
+
+def laid_out(exported: ExportedScene, folder: Path) -> Path:
+    """What was exported as a file in `folder`, its images beside it."""
     for name, image in exported.images.items():
         write_exr(folder / name, {channel: image[..., i] for i, channel in enumerate("RGB")})
     path = folder / "scene.pbrt"

@@ -62,6 +62,7 @@ def occluded() -> SceneDescription:
     return scene([floor(3.0), shape(Sphere(vector(0, 0.5, 0), 0.5), 0.2, (5, 5, 5))], camera, 45.0, 32, 24)
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_ambient_occlusion_agrees_with_mitsubas_white_sky():
     """Two ways that share nothing: rays counted here, light of a white sky on white surfaces there; nothing
     is seen of the sky.

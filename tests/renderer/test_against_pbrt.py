@@ -22,7 +22,7 @@ from tests.kit.pbrt_images import (
     smallest_bias,
 )
 
-pytestmark = NO_PBRT
+pytestmark = [NO_PBRT, pytest.mark.usefixtures("statistical")]
 
 # The light of touching-light is 0.01 above the floor: area sampling has no variance to test against.
 CASES = [
@@ -42,8 +42,6 @@ CASES = [
     ("film-and-window", "mis"),
     ("thin-lens", "mis"),
     ("orthographic", "mis"),
-    ("partial-quadrics", "mis"),
-    ("alpha", "mis"),
     ("smooth-normals", "mis"),
     ("smooth-normals", "projected-solid-angle"),
     *((name, "mis") for name in GLASS),
@@ -56,13 +54,29 @@ COLOUR = (
         "sky-and-sun": 2e-3,
         "asymmetric": 0.0,
         "film-and-window": 1e-3,
-        "alpha": 1e-3,
         "smooth-normals": 1e-3,
         "thin-lens": 1e-3,
         "orthographic": 1e-3,
-        "partial-quadrics": 1e-3,
     }
     | GLASS
+)
+
+
+# Samples a pixel. pbrt's own noise and colour limit most cases: there a quarter of our samples raises the
+# smallest bias of the image mean that is caught by at most 30 % (0.17 to 0.23 % over a floor, 0.31 to 0.35 %
+# in glass). In the cases below our noise counts, and 256 samples stay.
+SPP = dict.fromkeys(
+    [
+        ("rect-over-floor", "area"),
+        ("disk-over-floor", "area"),
+        ("disk-over-floor", "solid-angle"),
+        ("sphere-light", "area"),
+        ("sphere-light", "solid-angle"),
+        ("touching-light", "mis"),
+        ("touching-light", "solid-angle"),
+        ("sky-and-sun", "environment"),
+    ],
+    256,
 )
 
 
@@ -70,7 +84,7 @@ COLOUR = (
 def test_the_renderer_agrees_with_pbrt(name: str, estimator: str):
     scene = scenes.load(str(PBRT / f"{name}.pbrt"))
     assert ESTIMATORS[estimator].refuses(scene) is None
-    result = render(scene, estimator=estimator, spp=256, seed=5, threads=2)
+    result = render(scene, estimator=estimator, spp=SPP.get((name, estimator), 64), seed=5, threads=2)
     pair = pair_with(name, result.image, result.variance, COLOUR[name])
     print(f"smallest bias of the image mean that would have been caught: {smallest_bias(pair):.2%}")
     assert smallest_bias(pair) < 5e-3

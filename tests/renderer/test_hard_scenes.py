@@ -77,6 +77,7 @@ def test_scaled_and_moved_scenes_give_the_plain_image(lamp):
 
 @pytest.mark.parametrize("lamp", ["rectangle", "disk", "sphere", "triangle"])
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.usefixtures("statistical")
 def test_lights_of_any_size_give_what_they_must(lamp, size):
     """Radiance falls with the square of the size, so that the floor far below a small light gets the same; a
     light of 1e6 fills the sky.

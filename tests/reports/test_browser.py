@@ -58,7 +58,7 @@ class Opened:
 
 
 @pytest.fixture(scope="module")
-def playwright() -> Iterator[Playwright]:
+def playwright(browser: None) -> Iterator[Playwright]:
     with sync_playwright() as driver:
         yield driver
 

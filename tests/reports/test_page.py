@@ -140,6 +140,7 @@ def test_a_folder_that_cannot_be_written(small_run: Path, tmp_path: Path) -> Non
         write_report(small_run, tmp_path / "file" / "report")
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_report_renders_nothing_and_needs_no_renderer(small_run: Path, tmp_path: Path) -> None:
     """Runs where renderer, mitsuba and embreex cannot be imported at all."""
     code = (

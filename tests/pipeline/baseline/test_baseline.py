@@ -25,7 +25,7 @@ from scenes.description.materials import Conductor, Diffuse
 from scenes.description.scene import Film, PerspectiveCamera
 from scenes.description.shapes import Array, BilinearMesh, Disk, Emission, ShapeDescription, Sphere
 
-pytestmark = pytest.mark.opengl
+pytestmark = pytest.mark.usefixtures("opengl")
 
 ALBEDO = np.array([0.9, 0.5, 0.2])
 BLACK = Diffuse(np.zeros(3))

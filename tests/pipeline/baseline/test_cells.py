@@ -39,7 +39,7 @@ def run(root: Path) -> Summary:
     return run_sweep("tiny", parse_sweep(ASKED, "tiny.toml", root), root, InlineExecutor(), Recorder())
 
 
-@pytest.mark.opengl
+@pytest.mark.usefixtures("opengl")
 def test_a_study_has_one_rasterised_picture_to_each_scene(tmp_path: Path) -> None:
     """Stored and scored like the others, once and not once a seed; a second run finds it there."""
     summary = run(tmp_path)
@@ -94,7 +94,7 @@ def test_no_estimator_has_its_name() -> None:
     assert entry.NAME not in ESTIMATORS.names()
 
 
-@pytest.mark.opengl
+@pytest.mark.usefixtures("opengl")
 def test_the_command_writes_image_and_depth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "drawn.exr"
     with pytest.raises(SystemExit) as stopped:

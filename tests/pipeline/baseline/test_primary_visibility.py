@@ -29,7 +29,7 @@ from scenes import SceneDescription, library, load
 from scenes.description.scene import PerspectiveCamera, PixelFilter
 from scenes.description.shapes import Sphere
 
-pytestmark = pytest.mark.opengl
+pytestmark = pytest.mark.usefixtures("opengl")
 
 NAMES = [found.name for found in library()]
 HEAVY = {"forest": pytest.mark.slow}  # a million triangles: half a minute

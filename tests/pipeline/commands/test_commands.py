@@ -64,6 +64,7 @@ def test_each_command_has_an_example_of_its_own(penumbra: Penumbra, name: str) -
     assert f"penumbra {name}" in out[out.index("Examples:") :]
 
 
+@pytest.mark.usefixtures("processes")
 def test_help_waits_for_nothing_heavy() -> None:
     """`--help` within a second, by what it does not import."""
     heavy = ("numpy", "scenes", "renderer", "reports", "plotly", "scipy", "pydantic")
@@ -147,6 +148,7 @@ def test_a_scene_without_lights_is_black_as_in_pbrt(
     assert not read_estimate_exr(image).mean.any()
 
 
+@pytest.mark.usefixtures("processes")
 def test_no_color_is_respected(tmp_path: Path) -> None:
     command = [
         sys.executable,

@@ -46,19 +46,20 @@ def test_a_run_needs_one_part_of_each_group() -> None:
     assert verdict([part(False, "M"), part(False, "M"), part(True, "E")]) == ["M"]
 
 
-@pytest.mark.opengl
+@pytest.mark.usefixtures("opengl")
 def test_pyrender_draws_a_triangle() -> None:
     (part,) = doctor.rasteriser()
     assert part.works, part.detail
 
 
-@pytest.mark.browser
+@pytest.mark.usefixtures("browser")
 def test_the_browser_shows_a_page() -> None:
     (part,) = doctor.browser()
     assert part.works, part.detail
     assert str(chromium()) in part.detail
 
 
+@pytest.mark.usefixtures("processes")
 def test_no_browser_and_one_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     (none,) = doctor.browser()
@@ -72,7 +73,7 @@ def test_no_browser_and_one_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert "ended with code 1" in failing.detail
 
 
-@pytest.mark.opengl
+@pytest.mark.usefixtures("opengl")
 def test_egl_is_tried() -> None:
     (part,) = doctor.opengl()
     assert part.works == part.detail.startswith("EGL 1.")

@@ -141,6 +141,7 @@ def test_ambient_occlusion_is_a_quantity_of_its_own(penumbra: Penumbra) -> None:
     assert code == 2 and "lights that may be in the way; backends that take it: mitsuba, self" in err
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_a_refusal_names_the_backends_that_take_the_scene(penumbra: Penumbra) -> None:
     code, _, err = penumbra("reference", "touching-light", *TINY, "-D", "gap=1e-7", "--backend", "mitsuba")
     assert code == 2
@@ -149,6 +150,7 @@ def test_a_refusal_names_the_backends_that_take_the_scene(penumbra: Penumbra) ->
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.usefixtures("processes")
 def test_stopped_at_any_moment_it_goes_on(tmp_path: Path, sent: signal.Signals) -> None:
     """Killed or interrupted when the first batches are on disk; what is on disk then is not drawn again."""
     size = ("-D", "xresolution=64", "-D", "yresolution=48")

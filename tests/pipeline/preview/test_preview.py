@@ -158,6 +158,7 @@ def test_errors_are_one_line_and_exit_with_2(tmp_path: Path, capsys: pytest.Capt
         assert told in error and error.count("\n") == 1
 
 
+@pytest.mark.usefixtures("opengl")
 def test_where_nothing_can_be_drawn_it_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -169,7 +170,7 @@ def test_where_nothing_can_be_drawn_it_says_so(
     assert "apt install libegl1" in error and not list(tmp_path.iterdir())
 
 
-@pytest.mark.opengl
+@pytest.mark.usefixtures("opengl")
 def test_a_preview_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All that the legend names is there in its colour."""
     target = tmp_path / "p.png"

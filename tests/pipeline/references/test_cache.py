@@ -24,6 +24,7 @@ from tests.kit.mitsuba_scenes import floor, scene
 __all__ = ["fake"]
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_mitsuba_through_the_cache(tmp_path: Path):
     root = tmp_path / "references"
     first, again = (reference_for(small(), "mitsuba", REQUEST, root) for _ in range(2))

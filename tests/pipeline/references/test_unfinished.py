@@ -157,6 +157,7 @@ print(found.kept, found.image.spp, len(backend.drawn))
 """
 
 
+@pytest.mark.usefixtures("processes")
 def test_killed_by_sigkill_it_goes_on_from_what_was_saved(tmp_path: Path):
     """A real process, killed when it has saved for the first time; nothing of it is drawn twice."""
     command = [sys.executable, "-c", SCRIPT, str(tmp_path)]

@@ -36,6 +36,7 @@ def wait_until(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
+@pytest.mark.usefixtures("processes")
 def test_workers_compute_with_one_thread_in_processes_of_their_own() -> None:
     before = dict(os.environ)
     with LocalExecutor(2) as executor:
@@ -53,6 +54,7 @@ def test_workers_compute_with_one_thread_in_processes_of_their_own() -> None:
     assert not any(alive(pid) for pid in pids)
 
 
+@pytest.mark.usefixtures("processes")
 def test_an_item_that_fails_fails_alone_and_says_why() -> None:
     with LocalExecutor(2) as executor:
         outcomes = {outcome.item: outcome for outcome in executor.map(troubled, range(6))}
@@ -62,6 +64,7 @@ def test_an_item_that_fails_fails_alone_and_says_why() -> None:
     assert outcomes[3].failure == "the worker process died (BrokenProcessPool)"
 
 
+@pytest.mark.usefixtures("processes")
 def test_leaving_by_an_error_ends_workers_at_once() -> None:
     pids: set[int] = set()
 
@@ -80,6 +83,7 @@ def test_leaving_by_an_error_ends_workers_at_once() -> None:
 
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.usefixtures("processes")
 def test_workers_die_with_the_run(sent: signal.Signals) -> None:
     """SIGKILL leaves the run no chance to end its workers: they must notice by themselves."""
     command = [sys.executable, "-m", "tests.kit.executor_items"]

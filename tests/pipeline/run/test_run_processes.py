@@ -83,6 +83,7 @@ def children(pid: int) -> list[int]:
     return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_run_killed_at_work_resumes_with_what_is_missing(sweep: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started(sweep, out, cells=3) as run:
@@ -101,6 +102,7 @@ def test_a_run_killed_at_work_resumes_with_what_is_missing(sweep: Path, tmp_path
     assert not (out / ".scratch").exists()
 
 
+@pytest.mark.usefixtures("processes")
 def test_ctrl_c_keeps_what_is_finished_and_leaves_no_process(sweep: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     with started(sweep, out, cells=3) as run:
@@ -118,6 +120,7 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_no_process(sweep: Path, tmp_pa
     assert not any(damage(out / "cells" / key) for key in finished(out))
 
 
+@pytest.mark.usefixtures("processes")
 def test_bits_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
     sweep = parse_sweep(SWEEP.replace("SPP", "16"), "sweep.toml", tmp_path)
     films: list[dict[str, bytes]] = []

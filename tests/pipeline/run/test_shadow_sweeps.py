@@ -53,6 +53,7 @@ def score(run: Run, study: int, over: str, level: float, metric: str) -> float:
     return float(np.mean([v for v in values if v is not None]))
 
 
+@pytest.mark.usefixtures("statistical")
 def test_the_error_grows_with_the_light_and_with_the_edge_s_height(penumbra: Path) -> None:
     run = load_run(penumbra)
     for study, over in enumerate(("light_size", "occluder_height")):
@@ -91,6 +92,7 @@ def test_a_run_without_an_edge_has_no_width(tmp_path: Path, capsys: pytest.Captu
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.usefixtures("statistical")
 def test_noise_grows_with_the_light_and_a_hundred_rays_make_a_tenth_of_it() -> None:
     """The claim of `noise`.
 

@@ -5,6 +5,7 @@ all samples see.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from pipeline.schema.record import SampleStatistics
 from pipeline.statistics.few_events import bounded_p, few_events
@@ -133,6 +134,7 @@ def test_a_black_image_is_no_sign_of_bias_only_where_light_is_met_by_chance() ->
     assert judge(Trial("hemisphere"), Side(black(), OK), dark).verdict == "inconclusive"
 
 
+@pytest.mark.usefixtures("statistical")
 def test_the_image_mean_of_few_finds_is_tested_by_what_they_may_be() -> None:
     """Some 20 finds in the whole image: by its own variance, it rejects a true null up to 15 times as often
     as asked for.

@@ -32,6 +32,7 @@ def named(results: list[TestResult]) -> dict[str, TestResult]:
     return {result.name: result for result in results}
 
 
+@pytest.mark.usefixtures("statistical")
 def test_false_alarms_of_named_regions_and_of_benjamini_and_hochberg_are_nominal() -> None:
     """5 % of 120 runs, within the range of 99.8 %; the pixels' held-up variance makes them fewer."""
     rng = np.random.default_rng(51)

@@ -45,6 +45,7 @@ def chances() -> np.ndarray:
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.001])
+@pytest.mark.usefixtures("statistical")
 def test_no_false_alarm_where_finds_are_rare(alpha: float) -> None:
     """200 true nulls.
 

@@ -74,6 +74,7 @@ def test_null_rate_of_the_pixel_test_is_nominal_at_64_batches_and_that_of_a_z_te
     assert alarms["welch 64"] <= alarm_range(runs)[1]
 
 
+@pytest.mark.usefixtures("statistical")
 def test_null_rate_of_regions_and_image_is_nominal_and_that_of_pixels_at_most() -> None:
     """Both ways: too many alarms, and a test so loose (a variance summed instead of averaged) that it never
     fires.
@@ -87,6 +88,7 @@ def test_null_rate_of_regions_and_image_is_nominal_and_that_of_pixels_at_most() 
 
 
 @pytest.mark.parametrize("samples", [16, 64, 1024])
+@pytest.mark.usefixtures("statistical")
 def test_a_penumbra_raises_no_alarm(samples: int) -> None:
     """Lit-or-dark samples against a reference of 4096: a plain Welch test rejects the true null, here in
     every run below 1024.
@@ -108,6 +110,7 @@ def test_a_penumbra_raises_no_alarm(samples: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["image", "regions", "pixels"])
+@pytest.mark.usefixtures("statistical")
 def test_the_smallest_detectable_bias_is_detected_and_half_of_it_often_not(name: str) -> None:
     """Promised power 95 %, uniform bias, known variances. Catches an optimistic promise and one that is safe
     by being large.

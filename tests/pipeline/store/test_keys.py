@@ -43,6 +43,7 @@ def test_every_backend_is_here() -> None:
 
 
 @pytest.mark.parametrize("name", MODULES)
+@pytest.mark.usefixtures("processes")
 def test_all_that_is_loaded_with_a_backend_is_found_by_its_imports(name: str) -> None:
     """Read from the text on one side, run on the other.
 

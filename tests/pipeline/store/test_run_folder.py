@@ -81,6 +81,7 @@ def test_a_damaged_cell_is_replaced_by_a_whole_one(store: Store, record: Record)
     assert not any(store.scratch.iterdir()), "the old entry is gone, not set aside"
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_seal_is_one_that_sha256sum_checks(store: Store, record: Record) -> None:
     entry = write(store, record)
     done = subprocess.run(

@@ -53,6 +53,7 @@ def found(name: str, size: dict[str, float], spp: int, root) -> tuple[dict[tuple
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in scenes.library()])
+@pytest.mark.usefixtures("statistical")
 def test_all_estimators_agree_on_every_scene(name, shared_references):
     """0.1 % of false alarms a scene. The least noisy pair of each scene would have shown a bias of the image
     mean of 3 %,
@@ -63,12 +64,14 @@ def test_all_estimators_agree_on_every_scene(name, shared_references):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [entry.name for entry in scenes.library()])
+@pytest.mark.usefixtures("statistical")
 def test_all_estimators_agree_closely(name, shared_references):
     """As above with 6 times the pixels and 8 times the samples."""
     _, best = found(name, LARGE, 512, shared_references)
     assert name in DARK | IN_VIEW or best < 0.006
 
 
+@pytest.mark.usefixtures("statistical")
 def test_a_wrong_estimator_is_told_from_all_others(monkeypatch):
     """A solid-angle pdf that is 2 % too large: every pair of `solid-angle` with a quiet one differs, no other
     does.
@@ -94,6 +97,7 @@ def test_a_wrong_estimator_is_told_from_all_others(monkeypatch):
     }
 
 
+@pytest.mark.usefixtures("statistical")
 def test_seeds_and_intervals_are_what_they_say():
     """95 % intervals of pairs of equals hold 0 in 90 to 99 % of 10 seeds x 6 pairs."""
     scene = scenes.load("sphere-light", SMALL)

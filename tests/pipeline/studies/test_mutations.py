@@ -128,6 +128,7 @@ MUTATIONS = [  # the mutation, the estimator that it is in, and the test that it
 
 
 @pytest.mark.parametrize("estimator", [pytest.param("area", marks=pytest.mark.slow), "solid-angle"])
+@pytest.mark.usefixtures("mitsuba", "statistical")
 def test_the_renderer_as_it_is_raises_no_alarm(setting, estimator: str) -> None:
     """False alarms: 1 in 1,000; and the power that the mutations need is there."""
     found = run(setting, estimator)
@@ -136,6 +137,7 @@ def test_the_renderer_as_it_is_raises_no_alarm(setting, estimator: str) -> None:
 
 
 @pytest.mark.parametrize(("mutation", "estimator", "where"), MUTATIONS)
+@pytest.mark.usefixtures("statistical")
 def test_a_planted_bias_is_caught(
     setting, mutation: Callable[[Patch], None], estimator, where, monkeypatch
 ) -> None:

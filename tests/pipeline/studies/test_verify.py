@@ -57,6 +57,7 @@ def ask(rng: np.random.Generator, trial: Trial, bias: float = 0.0, noise: float 
     return judge(trial, side(rng, bias, noise), reference(rng), {"region lit": LIT, "region umbra": DARK})
 
 
+@pytest.mark.usefixtures("statistical")
 def test_false_alarms_are_no_more_than_alpha_of_all_tests_together() -> None:
     """150 true nulls at 10 %: Sidak over five families, which overlap, so that it may be less; and it is not
     far less.
@@ -195,6 +196,7 @@ def test_the_largest_draw_holds_light_that_is_seen_and_replicates_are_draws() ->
     assert both is not None and np.all(both.least == -both.largest)
 
 
+@pytest.mark.usefixtures("statistical")
 def test_sobol_is_judged_by_replicates() -> None:
     """Against itself with other seeds; by the film's own variance the smallest detectable bias would be
     several times as large.

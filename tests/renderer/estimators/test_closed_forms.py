@@ -65,6 +65,7 @@ def check(mean, se, truth, most=0.002):
 
 
 @pytest.mark.parametrize(("name", "technique"), CASES)
+@pytest.mark.usefixtures("statistical")
 def test_unoccluded_floor_points_agree_with_the_closed_form(name, technique):
     shape, irradiance = LIGHTS[name]
     built = build(scene([floor(), shape]))
@@ -84,6 +85,7 @@ def test_unoccluded_floor_points_agree_with_the_closed_form(name, technique):
 
 
 @pytest.mark.parametrize("technique", ["area", "solid-angle"])
+@pytest.mark.usefixtures("statistical")
 def test_the_knife_edge_profile_agrees_with_its_closed_form(technique):
     """Across the penumbra at exact points, from full light to the umbra, where not one sample may leak."""
     description = scenes.load("knife-edge", {"xresolution": 16, "yresolution": 12})

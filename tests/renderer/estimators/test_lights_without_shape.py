@@ -60,6 +60,7 @@ def applicable(given) -> list[str]:
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.usefixtures("statistical")
 def test_every_estimator_gives_the_closed_form(case, mixed):
     """4.5 standard errors of at most 1 %, or the closed form to 1e-9 where there is no noise: 60 comparisons
     or so.

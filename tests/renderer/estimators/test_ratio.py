@@ -5,6 +5,7 @@ nothing is in the way.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from renderer.render import render
 from scenes.description.shapes import Disk
@@ -34,6 +35,7 @@ def test_it_is_free_of_noise_where_nothing_is_in_the_way():
     assert np.abs(ratio.mean() / plain.image.mean() - 1) < 5e-3
 
 
+@pytest.mark.usefixtures("statistical")
 def test_its_mean_comes_to_the_truth_and_its_variance_is_what_is_seen():
     """At 256 spp the ratio's bias of O(1/spp) is below its error: 32 replicates agree with 16 k samples of
     solid-angle to 4
@@ -54,6 +56,7 @@ def test_its_mean_comes_to_the_truth_and_its_variance_is_what_is_seen():
     assert abs(said / seen - 1) < 0.1, (said, seen)
 
 
+@pytest.mark.usefixtures("statistical")
 def test_at_few_samples_it_is_biased_and_the_control_variate_is_not():
     """One sample a pixel makes the ratio V itself: the closed form times a share that ignores where the light
     is brightest.

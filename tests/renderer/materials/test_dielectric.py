@@ -69,6 +69,7 @@ CASES = len(ROUGH) * len(VIEWS) * 2
 
 @pytest.mark.parametrize("front", [True, False])
 @pytest.mark.parametrize(("eta", "alpha"), ROUGH)
+@pytest.mark.usefixtures("statistical")
 def test_directions_follow_their_density_on_both_sides(eta: float, alpha: float, front: bool) -> None:
     """Sidak at 0.1 % over all; 2e5 samples catch a density that is off by some 3 % in one cell of 112."""
     glass, samples = material(eta, alpha), 200_000

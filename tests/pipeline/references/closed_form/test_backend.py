@@ -78,6 +78,7 @@ def test_the_comparison_with_pbrt_can_fail(touching: tuple[SceneDescription, Mom
 
 
 @pytest.mark.parametrize("light", ["sphere", "tilted disk"])
+@pytest.mark.usefixtures("mitsuba")
 def test_agrees_with_mitsuba(light: str) -> None:
     scene = lit_by(LIGHTS[light])
     other = BACKENDS["mitsuba"].render(scene, ReferenceRequest(spp=1024, batches=64))
@@ -153,6 +154,7 @@ def _grid(scene: SceneDescription, pixel: int, x: Array, y: Array) -> Array:
 
 
 @pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.usefixtures("statistical")
 def test_pixels_by_brute_force(light: str) -> None:
     """Cut pixels against 200 x 200 points, smooth ones against Gauss; the whole image within its bound of a
     tighter one.

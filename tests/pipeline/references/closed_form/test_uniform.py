@@ -48,6 +48,7 @@ def image(given: SceneDescription, quantity: Quantity = "radiance") -> Array:
     ],
     ids=["lamp", "sun", "sky", "both", "occlusion"],
 )
+@pytest.mark.usefixtures("mitsuba")
 def test_agrees_with_mitsuba(lights: tuple[Light, ...], quantity: Quantity) -> None:
     """By region too; 0.5 % more light would be caught."""
     given, request = under(*lights), ReferenceRequest(1024, 64, quantity=quantity)

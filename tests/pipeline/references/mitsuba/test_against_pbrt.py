@@ -36,7 +36,7 @@ AT_INFINITY = {"sky-and-sun": 2e-3, "asymmetric": 0.0, "film-and-window": 1e-3} 
 
 
 @pytest.fixture(scope="module", params=[*NAMES, *AT_INFINITY])
-def pair(request: pytest.FixtureRequest) -> Pair:
+def pair(request: pytest.FixtureRequest, mitsuba: None, statistical: None) -> Pair:
     return against_pbrt(request.param, (NAMES | AT_INFINITY)[request.param])
 
 

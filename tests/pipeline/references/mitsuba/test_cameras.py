@@ -47,6 +47,7 @@ CROP = '"float cropwindow" [ 0.25 0.916 0.33 1 ]'  # 32 x 24 pixels
         (SHEAR, '"orthographic" ' + WIDE, CROP, '"box"'),
     ],
 )
+@pytest.mark.usefixtures("mitsuba")
 def test_windows_crops_lenses_and_stretching_cameras_agree(
     ctm: str, camera: str, film: str, pixel_filter: str
 ) -> None:

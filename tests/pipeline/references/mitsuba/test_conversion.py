@@ -30,6 +30,7 @@ def render(given: SceneDescription, spp: int, batches: int = 64) -> tuple[Array,
 
 
 @pytest.mark.parametrize("size", [(90, 64), (64, 90)])
+@pytest.mark.usefixtures("mitsuba")
 def test_points_appear_where_pbrts_camera_sees_them(size: tuple[int, int]):
     """Four glowing balls of one colour each: the centroids of their images against the projection of their
     centres.
@@ -71,6 +72,7 @@ def lights(turned: bool) -> list[tuple[Array, TriangleMesh | BilinearMesh | Sphe
 
 
 @pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.usefixtures("mitsuba")
 def test_a_light_shines_on_its_own_side_only(turned: bool):
     placed = lights(turned)
     shapes = [floor(), *(shape(geometry, 0.0, (1, 2, 3)) for _, geometry in placed)]
@@ -90,6 +92,7 @@ def test_a_light_shines_on_its_own_side_only(turned: bool):
         assert mean[row - 1 : row + 2, column - 1 : column + 2, 0].mean() > 0.005
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_materials_are_two_sided():
     """A floor turned over by its corners' order: Mitsuba's plain diffuse is black from behind."""
     light = shape(rectangle(vector(0, 2, 0), X, Z), 0.0, (1, 1, 1))
@@ -134,6 +137,7 @@ CLOSED_FORMS = {
 
 
 @pytest.mark.parametrize("names", [("disk", "sphere", "rectangle"), ("quadrilateral",)], ids="+".join)
+@pytest.mark.usefixtures("mitsuba")
 def test_a_floor_point_agrees_with_its_closed_form(names: tuple[str, ...]):
     """A patch of side 0.01: irradiance differs from its middle's by less than (0.01 / 1)^2.
 
@@ -160,11 +164,12 @@ def everything() -> SceneDescription:
 
 
 @pytest.fixture(scope="module")
-def image() -> Array:
+def image(mitsuba: None) -> Array:
     return BACKEND.render(everything(), ReferenceRequest(256, 2)).mean
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 1e5), (1e-6, 0.0), (1e6, -3e8)])
+@pytest.mark.usefixtures("mitsuba")
 def test_an_image_depends_on_neither_place_nor_scale(image: Array, scale: float, offset: float):
     """Same seeds, so that only rounding differs.
 
@@ -184,6 +189,7 @@ def test_a_distant_light_leaves_the_centre_in_the_scene():
     assert np.log2(frame.scale) % 1 == 0
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_a_mirrored_camera_mirrors_the_image_and_its_scale_changes_nothing(image: Array):
     """`Scale -1 1 1` before LookAt, as pbrt's own scenes have it."""
     given = everything()
@@ -246,6 +252,7 @@ def test_a_gap_to_a_small_triangle_of_a_large_mesh_is_found():
     assert "3e-05 from other geometry" in str(refusal(corners))
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_a_view_finer_than_mitsubas_rays_is_an_error():
     camera, fov = above(vector(4, 0, 4), 1e-4)
     light = shape(rectangle(vector(0, 2, 0), X, Z), 0.0, (1, 1, 1))

@@ -26,6 +26,7 @@ from tests.pipeline.references.mitsuba.test_surfaces import (
 )
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_an_image_on_a_light_is_looked_up_as_pbrt_does() -> None:
     """Bilinearly and clamped; the nearest texels, or a row the other way up, would be off by 0.1 and more."""
     light = ShapeDescription(SQUARE, Diffuse(np.zeros(3)), Emission(np.array([1.0, 2.0, 3.0]), image=BITS))
@@ -48,6 +49,7 @@ def test_an_image_on_a_light_is_looked_up_as_pbrt_does() -> None:
         ImageTexture(BITS, filter="point", scale=3.0, invert=True),
     ],
 )
+@pytest.mark.usefixtures("mitsuba")
 def test_scaled_and_inverted_textures(texture: ImageTexture) -> None:
     square = ShapeDescription(SQUARE, Diffuse(texture))
     image = picture(lit([square], [SUN], VIEW, SIZE), 256)

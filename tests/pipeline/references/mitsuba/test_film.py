@@ -25,6 +25,7 @@ BLACK = Diffuse(np.zeros(3))
 
 
 @pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.usefixtures("mitsuba")
 def test_an_image_on_a_light_lies_as_pbrt_lays_it(reverse: bool):
     """Its first row at v = 1, u to the right and v up here, interpolated between the texels' centres and
     clamped beyond them.
@@ -62,6 +63,7 @@ def irradiance_of_polygon(corners: Array) -> float:
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
+@pytest.mark.usefixtures("mitsuba")
 def test_an_image_on_a_light_shines_as_it_looks(two_sided: bool):
     """Each of 30 x 30 parts a polygon of its own, by Lambert's formula; at 4 standard errors 0.4 % is caught,
     one texel amiss is 5 %.
@@ -119,6 +121,7 @@ def edge(chosen: PixelFilter, along: int) -> SceneDescription:
 
 @pytest.mark.parametrize("along", [0, 1])
 @pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.usefixtures("mitsuba")
 def test_an_edge_is_blurred_by_the_filter(name: str, along: int):
     """Pixel by pixel against the filter's integral: at 5 standard errors of 16 x 65,536 samples 0.3 % is
     caught.

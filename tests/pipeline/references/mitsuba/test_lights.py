@@ -99,6 +99,7 @@ def test_lights_that_mitsuba_lacks_are_refused_by_name():
 
 
 @pytest.mark.parametrize("name", DELTA)
+@pytest.mark.usefixtures("mitsuba")
 def test_a_delta_light_gives_its_irradiance(name: str):
     """Nothing is random but where in its pixel, of 2e-3 at most, a ray starts: 2e-5 of the value is caught, a
     factor
@@ -167,6 +168,7 @@ def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.usefixtures("mitsuba")
 def test_an_environment_gives_its_irradiance(name: str):
     """At 4 standard errors 0.4 % is caught; an axis astray or a mirrored image changes these by 5 % or
     more.
@@ -182,6 +184,7 @@ def test_an_environment_gives_its_irradiance(name: str):
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("mapping", ["equal-area", "latitude-longitude"])
+@pytest.mark.usefixtures("mitsuba")
 def test_an_environment_is_seen_where_pbrt_looks_it_up(mapping: str, mirrored: bool):
     """The nearest texel along each pixel's ray, written down anew; texels are 30 pixels wide, so that few
     pixels see an edge.
@@ -246,6 +249,7 @@ def irradiance_of_polygon(corners: Array) -> float:
 
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("name", TWO_SIDED)
+@pytest.mark.usefixtures("mitsuba")
 def test_a_two_sided_light_shines_on_both_sides(name: str, side: int):
     """A floor below and one above: each sees one side of the light, and the light hides the other floor's
     reflection from nothing.
@@ -272,6 +276,7 @@ def test_a_two_sided_light_shines_on_both_sides(name: str, side: int):
 
 
 @pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.usefixtures("mitsuba")
 def test_both_sides_of_a_light_are_seen_as_they_are(side: int):
     """Four lights, from above and from below: nothing but their radiance and black is seen, and each is
     seen.

@@ -60,6 +60,7 @@ def to_world(w: Array) -> Array:
         pytest.param(0.05, (40, 42, 178), True, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.usefixtures("mitsuba")
 def test_a_metal_reflects_a_direction_as_pbrts(alpha: float, angles: tuple[int, int, int], reverse: bool):
     """Nothing is random: 2e-4 is caught.
 
@@ -76,6 +77,7 @@ def test_a_metal_reflects_a_direction_as_pbrts(alpha: float, angles: tuple[int, 
 
 
 @pytest.mark.parametrize("alpha", [0.3, 0.02])
+@pytest.mark.usefixtures("mitsuba")
 def test_a_metal_under_a_white_sky_has_its_albedo(alpha: float):
     """By quadrature over the half-vector; at 4 standard errors 0.5 % is caught, a wrong density of its
     samples with it.

@@ -41,6 +41,7 @@ def runs(request: pytest.FixtureRequest) -> list[ReferenceImage]:
         return [MitsubaBackend().render(lit_floor(), ReferenceRequest(256, 64, seed)) for seed in (0, 1)]
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_the_variance_of_the_mean_is_right(runs: list[ReferenceImage]):
     """Chi-square of the difference of two runs. With 3,600 pixels its mean is known to 2.4 %: 10 % in the
     variance is caught.
@@ -54,6 +55,7 @@ def test_the_variance_of_the_mean_is_right(runs: list[ReferenceImage]):
     assert abs(z2.mean() - 126 / 124) < 4 * np.sqrt(2 * 1.05 / z2.size)
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_two_runs_share_nothing(runs: list[ReferenceImage]):
     """Repeated or shared batches would make the runs agree better than their variances allow, at the same
     pixel: caught above.
@@ -102,6 +104,7 @@ def test_no_call_is_too_large():
     assert mitsuba.most_spp(Film(8192, 8192), "llvm_ad_rgb") == 1
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_interrupted_and_gone_on_with_it_comes_out_the_same():
     """To the last bit, and the worker of the interrupted call is gone."""
     request, kept = ReferenceRequest(64, 8), list[Accumulator]()
@@ -120,6 +123,7 @@ def test_interrupted_and_gone_on_with_it_comes_out_the_same():
     assert (again.spp, again.batches) == (64, 8)
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_an_interrupted_call_ends_its_worker(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """One that would go on for a minute."""
     script = (
@@ -134,11 +138,13 @@ def test_an_interrupted_call_ends_its_worker(monkeypatch: pytest.MonkeyPatch, tm
     assert (tmp_path / "began").exists() and time.monotonic() - start < 30
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_one_batch_is_refused():
     with pytest.raises(PenumbraError, match="at least 2 batches"):
         MitsubaBackend().render(lit_floor(), ReferenceRequest(16, 1))
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_progress_rises_to_one_and_the_version_names_what_ran():
     shares: list[float] = []
     image = MitsubaBackend().render(lit_floor(8, 8), ReferenceRequest(8, 4), shares.append)
@@ -149,6 +155,7 @@ def test_progress_rises_to_one_and_the_version_names_what_ran():
     assert image.seconds > 0
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_a_worker_that_dies_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
     script = "import os, sys; print('LLVM ERROR: Cannot select', file=sys.stderr, flush=True); os.abort()"
     monkeypatch.setattr(mitsuba_process, "command", lambda _folder: [sys.executable, "-c", script])
@@ -158,6 +165,7 @@ def test_a_worker_that_dies_is_one_clear_error(monkeypatch: pytest.MonkeyPatch):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_without_llvm_the_scalar_variant_is_taken(monkeypatch: pytest.MonkeyPatch):
     """A path where no LLVM is: found out by trying, in a process of its own."""
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
@@ -170,6 +178,7 @@ def test_without_llvm_the_scalar_variant_is_taken(monkeypatch: pytest.MonkeyPatc
         mitsuba._probe.cache_clear()  # pyright: ignore[reportPrivateUsage]
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_here_the_wheels_llvm_works():
     """The dependency that brings LLVM does what it is there for; a silent fall to the slow variant is a
     failure here.
@@ -179,6 +188,7 @@ def test_here_the_wheels_llvm_works():
     assert isinstance(mitsuba.probe_variants()[0], Probe) and mitsuba.working_variant() == "llvm_ad_rgb"
 
 
+@pytest.mark.usefixtures("mitsuba")
 def test_mitsuba_stays_out_of_this_process(runs: list[ReferenceImage]):
     """Its variant is global to a process and a wrong LLVM aborts it."""
     assert runs and "mitsuba" not in sys.modules

@@ -156,6 +156,7 @@ def square_uv() -> Array:
 
 
 @pytest.mark.parametrize("name", mostly_slow(TEXTURES, "black around|of images|by an image"))
+@pytest.mark.usefixtures("mitsuba")
 def test_a_texture_lies_as_pbrt_lays_it(name: str):
     """An image that is mirrored, turned, shifted by half a texel or interpolated where it should not be is
     0.1 or more off in most pixels.
@@ -182,6 +183,7 @@ CORNERS: dict[str, BilinearMesh | TriangleMesh] = {
 
 @pytest.mark.parametrize("emits", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", mostly_slow(CORNERS, "reversed patch with uv|triangles, reversed"))
+@pytest.mark.usefixtures("mitsuba")
 def test_a_texture_follows_the_corners(name: str, emits: bool):
     """Emitting patches are rectangles to Mitsuba and the others triangles; a light of radiance 0 looks the
     same.
@@ -214,6 +216,7 @@ if np.linalg.det(FRAMES["right-handed"]) < 0:
 
 
 @pytest.mark.parametrize("hand", mostly_slow(FRAMES, "left"))
+@pytest.mark.usefixtures("mitsuba")
 def test_a_texture_on_a_sphere_lies_as_pbrts(hand: str):
     """u is the angle from the object's x towards its y, v runs from the lower pole to the upper one."""
     frame, radius = FRAMES[hand], 0.8
@@ -236,6 +239,7 @@ def test_a_texture_on_a_sphere_lies_as_pbrts(hand: str):
 @pytest.mark.parametrize(
     ("mirrored", "away"), [(True, True), pytest.param(False, False, marks=pytest.mark.slow)]
 )
+@pytest.mark.usefixtures("mitsuba")
 def test_a_texture_on_a_disk_lies_as_pbrts(mirrored: bool, away: bool):
     """u is the angle, v is 0 at the rim and 1 in the middle. away: the normal is not the third axis but its
     opposite.

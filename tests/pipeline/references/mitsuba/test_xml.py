@@ -102,6 +102,7 @@ def converted(given: SceneDescription) -> Array:
 
 
 @pytest.mark.parametrize("mesh", [False, True])
+@pytest.mark.usefixtures("mitsuba")
 def test_the_file_renders_to_our_references_image(mesh: bool, tmp_path: Path):
     """The same seed, so that nothing but rounding differs: one sample in 19,200 that falls on the other side
     of an edge is allowed for.

@@ -93,6 +93,7 @@ def gray() -> SceneDescription:
     )
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_gray_scene_takes_one_pass_a_batch_each_with_its_own_seed(fake: FakePbrt):
     fake.gives(0, 0, np.full((5, 6), 1.0))
     fake.gives(0, 1, np.full((5, 6), 3.0))
@@ -106,6 +107,7 @@ def test_a_gray_scene_takes_one_pass_a_batch_each_with_its_own_seed(fake: FakePb
     assert all(call["quiet"] == "--quiet" for call in fake.calls)
 
 
+@pytest.mark.usefixtures("processes")
 def test_the_file_names_no_seed_and_reads_back_as_the_scene(fake: FakePbrt):
     """pbrt ignores --seed where the file gives one, and every batch would be the same."""
     given = dataclasses.replace(
@@ -120,6 +122,7 @@ def test_the_file_names_no_seed_and_reads_back_as_the_scene(fake: FakePbrt):
     assert dataclasses.replace(back, camera=given.camera).content_hash() == given.content_hash()
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_scene_in_colour_takes_a_gray_pass_for_each_channel(fake: FakePbrt):
     for channel in range(3):
         for call in range(2):
@@ -156,6 +159,7 @@ def test_every_colour_of_a_scene_is_split():
 
 
 @NO_PBRT
+@pytest.mark.usefixtures("processes")
 def test_pbrts_own_images_through_the_backend_agree_with_the_closed_form(tmp_path: Path, fake: FakePbrt):
     """What pbrt made of touching-light, two seeds, as two batches: orientation, variance and provenance are
     in order.
@@ -174,6 +178,7 @@ def test_pbrts_own_images_through_the_backend_agree_with_the_closed_form(tmp_pat
     assert image.provenance["binary"] == str(fake.binary) and "gray" in image.provenance["colour"]
 
 
+@pytest.mark.usefixtures("processes")
 def test_ambient_occlusion_is_asked_of_the_bare_scene(fake: FakePbrt):
     fake.gives(0, 0, np.full((5, 6), 0.75))
     near = dataclasses.replace(small(), occlusion_distance=1.5)
@@ -198,6 +203,7 @@ FAILURES: dict[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("kind", FAILURES)
+@pytest.mark.usefixtures("processes")
 def test_failures_are_one_clear_error(fake: FakePbrt, kind: str):
     then, message = FAILURES[kind]
     write_exr(fake.home / "wide.exr", dict.fromkeys("RGB", np.zeros((5, 7))))
@@ -208,6 +214,7 @@ def test_failures_are_one_clear_error(fake: FakePbrt, kind: str):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_pbrt_that_hangs_is_stopped(fake: FakePbrt):
     fake.does("print('working', flush=True); time.sleep(60)")
     start = time.monotonic()
@@ -247,6 +254,7 @@ def test_a_pbrt_that_is_not_there_is_a_refusal(message: str, tmp_path: Path, mon
         PbrtBackend().render(gray(), ReferenceRequest(2, 2))
 
 
+@pytest.mark.usefixtures("processes")
 def test_a_file_that_is_no_program_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "pbrt").write_bytes(b"\0not a program")
     (tmp_path / "pbrt").chmod(0o755)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import astuple, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +25,24 @@ from scenes.description.scene import (
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.transforms import look_at, rotate, unit
-from scenes.pbrt.write.scene import export, to_pbrt
-from tests.kit.exported import written
+from scenes.pbrt.write.scene import ExportedScene, export, to_pbrt
+from tests.kit.exported import laid_out
 from tests.kit.scene_texts import HEAD, PATCH, TRIANGLE, world
 
 LIBRARY = [scene.name for scene in scenes.library()]
 
 
+@cache
+def exported(name: str) -> tuple[SceneDescription, ExportedScene]:
+    """A scene of the library and its export, for both tests of it: a forest takes seconds."""
+    scene = scenes.load(name)
+    return scene, export(scene, "scene")
+
+
 @pytest.mark.parametrize("name", LIBRARY)
 def test_library_scenes_read_back_bitwise(name: str, tmp_path: Path) -> None:
-    scene = scenes.load(name)
-    back = parse_file(written(scene, tmp_path))
+    scene, text = exported(name)
+    back = parse_file(laid_out(text, tmp_path))
     assert back.content_hash() == scene.content_hash()
     assert astuple(back.defaults) == astuple(scene.defaults)
     assert back.parameters == ()
@@ -42,7 +50,7 @@ def test_library_scenes_read_back_bitwise(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", LIBRARY)
 def test_exported_text_holds_nothing_that_pbrt_does_not_know(name: str) -> None:
-    text = export(scenes.load(name), "scene").text
+    text = exported(name)[1].text
     bare = re.sub(r'"[^"]*"|#.*|[\[\]]', " ", text)
     words = set(bare.split())
     numbers = {word for word in words if re.fullmatch(r"-?[0-9.]+(e[+-]?[0-9]+)?", word)}
