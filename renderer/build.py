@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.camera import Camera, make_camera
 from renderer.geometry.analytic import AnalyticPrimitives
+from renderer.geometry.cutouts import Cutouts, cutouts
 from renderer.geometry.primitives import (
     TOLERANCE,
     all_triangles,
@@ -50,7 +51,8 @@ class Lights:
     """K lights in all, numbered kind by kind: a source is one light, or one for each face of a mesh.
 
     source: (K,) what each is part of. pmf, cdf: (K,) the chance of choosing it, every source being equally
-    likely, and the running sum of that. delta: (K,) whether it is never met by chance. primitive, triangle:
+    likely, and the running sum of that. delta: (K,) whether it is never met by chance, since it has no extent
+    or an alpha of 0. primitive, triangle:
     (K,) the analytic primitive and the triangle that it is, -1 for none; of_primitive, of_triangle: inverses.
     environment: what surrounds the scene, and the number of its light.
     """
@@ -77,7 +79,7 @@ class RenderScene:
     emissive_triangles: the triangles that emit alone; None where none does.
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
-    varies. shading_normals: None without vertex normals.
+    varies. shading_normals: None without vertex normals. cutouts: None where no shape has an alpha.
     material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each. boxes: (s, 3)
     each, least and greatest coordinates of each shape.
     contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
@@ -99,6 +101,7 @@ class RenderScene:
     emission_images: tuple[tuple[int, Floats], ...]
     coordinates: Coordinates | None
     shading_normals: ShadingNormals | None
+    cutouts: Cutouts | None
     material_of: NDArray[np.int64]
     lobes: NDArray[np.int64]
     contact_epsilon: float
@@ -150,12 +153,14 @@ def build(scene: SceneDescription) -> RenderScene:
     scene = replace(scene, shapes=shapes)
     sources, triangles, analytic = _sources(scene), all_triangles(shapes), analytic_primitives(shapes)
     lights = _lights(sources, triangles, analytic)
-    glowing = lights.of_triangle >= 0
+    met = lights.of_triangle >= 0
+    met[met] = ~lights.delta[lights.of_triangle[met]]
     materials, material_of, lobes = _materials(shapes)
     boxed = boxes([s.geometry for s in shapes])
     camera = make_camera(scene.camera, scene.film)
     size, scene_diameter = _size(*boxed, camera.eyes)
     black = np.zeros(3)
+    uv = coordinates(shapes, analytic)
     return RenderScene(
         description=scene,
         camera=camera,
@@ -163,7 +168,7 @@ def build(scene: SceneDescription) -> RenderScene:
         analytic=analytic,
         sources=sources,
         lights=lights,
-        emissive_triangles=triangles.only(glowing) if triangles is not None and glowing.any() else None,
+        emissive_triangles=triangles.only(met) if triangles is not None and met.any() else None,
         materials=materials,
         boxes=boxed,
         emission=np.stack([s.emission.radiance if s.emission else black for s in shapes] or [black], axis=1),
@@ -171,8 +176,9 @@ def build(scene: SceneDescription) -> RenderScene:
         emission_images=tuple(
             (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
         ),
-        coordinates=coordinates(shapes, analytic),
+        coordinates=uv,
         shading_normals=shading_normals(shapes),
+        cutouts=cutouts(shapes, uv),
         material_of=material_of,
         lobes=lobes,
         contact_epsilon=4 * TOLERANCE * size,
@@ -225,7 +231,8 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
     share = np.concatenate([np.zeros(0), *(kind.parts.share for kind in kinds)])
     pmf = share / max(np.unique(source).size, 1)
     primitive, triangle = _primitives(sources, source, triangles, analytic)
-    delta = (np.full(g.parts.source.size, any(g is one for one in certain)) for g in kinds)
+    unmet = np.array([_is_unmet(one) for one in sources.all], dtype=np.bool_)
+    delta = (unmet[g.parts.source] | any(g is one for one in certain) for g in kinds)
     return Lights(
         kinds=tuple(kinds),
         source=source,
@@ -238,6 +245,12 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
         of_triangle=_inverse(triangle, 0 if triangles is None else triangles.shape.size),
         environment=_environment(kinds),
     )
+
+
+def _is_unmet(source: Source) -> bool:
+    """Whether a light is a shape that rays go through everywhere."""
+    alpha = source.alpha if isinstance(source, ShapeDescription) else None
+    return isinstance(alpha, np.ndarray) and not alpha.any()
 
 
 def _environment(kinds: Sequence[LightGroup]) -> tuple[Surroundings, int] | None:

@@ -1,5 +1,5 @@
-"""Projective cameras, pbrt's: left-handed space, pixel (0, 0) at the top left, a pinhole, a thin lens or
-parallel rays.
+"""pbrt's cameras: left-handed space, pixel (0, 0) at the top left, a pinhole, a thin lens, parallel rays or
+rays all around.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ from functools import cached_property, singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.math.vectors import Floats, normalize
+from renderer.math.vectors import Floats, combine, normalize
 from renderer.math.warp import concentric_disk
 from renderer.pixel_filter import offsets
-from scenes.description.scene import Film, OrthographicCamera, PerspectiveCamera
+from renderer.spherical.octahedral import around_edges, square_to_sphere
+from scenes.description.scene import Camera as CameraDescription
+from scenes.description.scene import Film, OrthographicCamera, PerspectiveCamera, SphericalCamera
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +137,35 @@ class Camera:
         return out
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SphericalRays(Camera):
+    """Rays from the origin all around. The film point is a place (u, v, 0) on a map of the sphere.
+
+    axes: (3, 3, 1), [:, j] of camera space in the world. direction: from places (2, n) to unit vectors (3, n)
+    about z, which camera space has in its y.
+    """
+
+    axes: Floats
+    direction: Callable[[Floats], Floats]
+
+    def through(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        return self.origin, normalize(self._ahead(x, y, 1.0))
+
+    def _ahead(self, x: Floats, y: Floats, distance: float) -> Floats:
+        right, ahead, up = self.direction(self._film(x, y)[:2])
+        axes = self.axes
+        return combine((axes[:, 0], axes[:, 1], axes[:, 2]), right, up, ahead) * distance
+
+    @cached_property
+    def eyes(self) -> Floats:
+        return self.origin
+
+    def sees_each(self, points: Floats) -> NDArray[np.bool_]:
+        return np.ones(len(points), dtype=np.bool_)
+
+
 @singledispatch
-def make_camera(description: PerspectiveCamera | OrthographicCamera, film: Film) -> Camera:
+def make_camera(description: CameraDescription, film: Film) -> Camera:
     """The camera of a description; a perspective one has its film at distance 1."""
     raise TypeError(f"no rays of a {type(description).__name__}")
 
@@ -149,6 +178,35 @@ def _(description: PerspectiveCamera, film: Film) -> Camera:
 @make_camera.register
 def _(description: OrthographicCamera, film: Film) -> Camera:
     return _projective(description, film, np.zeros((3, 1)), description.camera_to_world[:3, 2:3])
+
+
+@make_camera.register
+def _(description: SphericalCamera, film: Film) -> Camera:
+    left, top, dx, dy = description.film_plane(film)
+    m = description.camera_to_world
+    return SphericalRays(
+        m[:3, 3:4].copy(),
+        np.array([[left], [top], [0.0]]),
+        np.array([[dx], [0.0], [0.0]]),
+        np.array([[0.0], [-dy], [0.0]]),
+        film.width,
+        film.height,
+        offsets(film.pixel_filter),
+        axes=m[:3, :3, None].copy(),
+        direction=_equal_area if description.mapping == "equalarea" else _equirectangular,
+    )
+
+
+def _equal_area(place: Floats) -> Floats:
+    """By the map of environments, which a filter may reach beyond."""
+    return square_to_sphere(around_edges(place))
+
+
+def _equirectangular(place: Floats) -> Floats:
+    """Rows by the angle from z, columns by that from x towards y."""
+    angle, polar = 2 * np.pi * place[0], np.pi * place[1]
+    sine = np.sin(polar)
+    return np.stack([sine * np.cos(angle), sine * np.sin(angle), np.cos(polar)])
 
 
 def _projective(

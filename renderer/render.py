@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from renderer.build import RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
+from renderer.geometry.cutouts import Cutouts
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
 from renderer.math.vectors import Floats, dot
@@ -29,6 +30,8 @@ from renderer.shading.directions import specular_light
 from renderer.shading.emission import with_emission_images
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
+
+Integers = NDArray[np.int64]
 
 ROWS = 2**14  # rows of a wavefront: their arrays stay in cache
 
@@ -246,23 +249,66 @@ def _first_hits(
     """What camera rays from o (3, n) or (3, 1) along d (3, n) meet: the points to shade, the emission seen
     (3, n), and the rows (m,) of those points.
     """
+    t, shape, triangle, primitive = _nearest(scene, plan, o, d)
+    if scene.cutouts is not None:
+        _go_through(scene, plan, scene.cutouts, o, d, (t, shape, triangle, primitive))
+    emitted = _emission(scene, o, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
+    rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if len(scene) else shape[:0]
+    mine = d.take(rows, axis=1)
+    p = _from(o, rows) + mine * t[rows]
+    hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
+    return hit, emitted, rows
+
+
+def _nearest(
+    scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats, left: SurfaceHit | None = None
+) -> tuple[Floats, Integers, Integers, Integers]:
+    """What rays from o (3, n) or (3, 1) along d (3, n) meet first: distance (n,), inf for nothing, and the
+    shape, triangle and analytic primitive (n,), -1 for none. left: the points that they leave surfaces at.
+    """
     none = np.full(d.shape[1], -1, dtype=np.int64)
-    t, triangle = scene.triangles.closest(o, d) if scene.triangles else (np.full(d.shape[1], np.inf), none)
-    near, primitive = scene.analytic.closest(plan.in_view, o, d)
-    on_analytic = (
-        near < t + scene.contact_epsilon
-    )  # a lamp or a mat in the plane of a triangle lies on it, whatever rounding says
+    if scene.triangles is None:
+        t, triangle = np.full(d.shape[1], np.inf), none
+    elif left is None:
+        t, triangle = scene.triangles.closest(o, d)
+    else:
+        t, triangle = scene.triangles.closest_from(o, left.normal_towards(d), left.triangle, d)
+    near, primitive = scene.analytic.closest(plan.in_view, o, d, None if left is None else left.primitive)
+    # Within contact_epsilon prefer the analytic hit: float32 cannot order coplanar surfaces.
+    on_analytic = near < t + scene.contact_epsilon
     t = np.where(on_analytic, near, t)
     triangle, primitive = np.where(on_analytic, -1, triangle), np.where(on_analytic, primitive, -1)
     shape = none if scene.triangles is None else np.where(triangle >= 0, scene.triangles.shape[triangle], -1)
     if on_analytic.any():
         shape = np.where(on_analytic, scene.analytic.shape[primitive], shape)
-    emitted = _emission(scene, o, d, t, shape, primitive, triangle) if plan.emits else np.zeros_like(d)
-    rows = np.flatnonzero((shape >= 0) & plan.receivers[shape]) if len(scene) else none[:0]
-    mine = d.take(rows, axis=1)
-    p = _from(o, rows) + mine * t[rows]
-    hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
-    return hit, emitted, rows
+    return t, shape, triangle, primitive
+
+
+def _go_through(
+    scene: RenderScene,
+    plan: RenderPlan,
+    cutouts: Cutouts,
+    o: Floats,
+    d: Floats,
+    found: tuple[Floats, Integers, Integers, Integers],
+) -> None:
+    """Send rays that go through a hole on to what lies behind it; `found`, as `_nearest` returns it, is
+    changed in place.
+    """
+    t, shape, triangle, primitive = found
+    rows = np.flatnonzero((shape >= 0) & cutouts.some[shape])
+    start = np.broadcast_to(o, d.shape).take(rows, axis=1)
+    while rows.size:
+        mine = d.take(rows, axis=1)
+        p = _from(o, rows) + mine * t[rows]
+        missed = cutouts.missed(start, mine, p, shape[rows], triangle[rows], primitive[rows])
+        rows, mine, p = rows[missed], mine[:, missed], p[:, missed]
+        hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
+        start = hit.p
+        further, shape[rows], triangle[rows], primitive[rows] = _nearest(scene, plan, start, mine, hit)
+        t[rows] += further
+        on = cutouts.some[shape[rows]] & (shape[rows] >= 0)
+        rows, start = rows[on], start[:, on]
 
 
 def _from(o: Floats, rows: NDArray[np.int64]) -> Floats:

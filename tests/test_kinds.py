@@ -43,6 +43,7 @@ TABLE = [
     Kind("conductor", ("Conductor", "Conductors"), ("conductor",), 4),
     Kind("checkerboard", ("Checkerboard",), ("checkerboard",), 4),
     Kind("disk", ("Disk", "DiskLights"), ("disk",), 7),
+    Kind("quadric", ("Quadric", "QuadricLights"), ("quadric",), 7),
     *(Kind(f"scene {name}", (), (name,), 1) for name in SCENES),
     *(Kind(f"sweep {name}", (), (name,), 1) for name in SWEEPS),
 ]
@@ -60,7 +61,11 @@ USES = {
         "renderer/materials/coated.py": "the examples lay a coat over one",
     },
     "checkerboard": {},
-    "disk": {},
+    "disk": {
+        "renderer/geometry/quadrics.py": "the form of a quadric, whose parts and affine images it holds",
+        "renderer/lights/quadric.py": "the whole one in object space, whose directions a part's light draws",
+    },
+    "quadric": {},
     # Words that mean the program, a metric or a command in the source, never the scene or the sweep.
     "scene penumbra": {"": HOMONYM},
     "sweep penumbra": {"": HOMONYM},
@@ -201,7 +206,7 @@ FAMILIES = {
         "ProjectionLight",
     },
     "materials": {"Diffuse", "Conductor", "Dielectric", "Coated"},
-    "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk"},
+    "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk", "Quadric"},
     "textures": {"ImageTexture", "Checkerboard", "Product", "Mix"},
 }
 # Functions that tell two kinds of a family apart outside the kinds' own modules: why each one may.

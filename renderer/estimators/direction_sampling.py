@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
@@ -40,8 +41,11 @@ class DirectionSampling(Estimator):
         return None
 
     def dimensions(self, scene: RenderScene) -> int:
-        """Two for the direction, one more to choose among several lights of one direction."""
-        return 3 if np.count_nonzero(scene.lights.delta) > 1 else 2
+        """Two for the direction, one more to choose among several lights that it never meets, and two for a
+        direction to one that has an extent.
+        """
+        several = 1 if np.count_nonzero(scene.lights.delta) > 1 else 0
+        return 2 + several + (2 if _has_extent(scene).any() else 0)
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
         """See `Estimator`."""
@@ -55,9 +59,14 @@ class DirectionSampling(Estimator):
         return met + fixed if scene.lights.delta.any() else met
 
 
+def _has_extent(scene: RenderScene) -> NDArray[np.bool_]:
+    """(K,): lights that are never met and are shapes all the same."""
+    return scene.lights.delta & (scene.sources.shape[scene.lights.source] >= 0)
+
+
 def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-    """One sample of one of the lights that are never met by chance, all equally likely. u: (1, n), (0, n) for
-    fewer than two.
+    """One sample of one of the lights that are never met by chance, all equally likely. u: (1, n) to choose
+    with, (0, n) for fewer than two; then two for a direction where such a light has an extent.
     """
     n = hit.p.shape[1]
     some = np.flatnonzero(scene.lights.delta)
@@ -68,10 +77,11 @@ def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -
         chosen = sample_discrete(np.arange(1.0, some.size + 1), u[0])
     light = some[chosen]
     techniques = supporting_techniques(scene, "solid-angle", "area", "environment")
-    sample = sample_light(scene, techniques, hit, light, np.zeros((2, n)))
+    inside = u[-2:] if _has_extent(scene).any() else np.zeros((2, n))
+    sample = sample_light(scene, techniques, hit, light, inside)
     f, cosine = bsdf_value(scene, hit, sample.wi), abs_cosine(hit, sample.wi)
-    with np.errstate(invalid="ignore", over="ignore"):
-        radiance = f * (sample.radiance * (cosine * some.size))
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        radiance = f * (sample.radiance * (cosine * some.size / sample.pdf))
     seen = Seen(light, sample.wi, sample.dist, sample.normal)
     return visible(scene, plan, hit, seen, sample.valid & f.any(axis=0), radiance)
 

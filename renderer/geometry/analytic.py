@@ -1,5 +1,5 @@
-"""Shapes met by formula, in float64: spheres, disks, emitting rectangles and small emitting meshes, as hits
-and as occluders.
+"""Shapes met by formula, in float64: spheres, disks and their parts, cylinders, emitting rectangles and small
+emitting meshes, as hits and as occluders.
 
 Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor is still above it.
 """
@@ -7,16 +7,18 @@ Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor i
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.geometry import quadrics
+from renderer.geometry.quadrics import sphere_roots
 from renderer.math.vectors import Floats, dot
-from scenes.description.shapes import BilinearMesh, Disk, Geometry, Sphere, TriangleMesh
+from scenes.description.shapes import BilinearMesh, Disk, Geometry, Quadric, Sphere, TriangleMesh
 
-RECTANGLE, DISK, SPHERE, TRIANGLE = 0, 1, 2, 3
+RECTANGLE, DISK, SPHERE, TRIANGLE, QUADRIC = 0, 1, 2, 3, 4  # QUADRIC and above: one for each form
 BLOCK = 8  # primitives tested at once: bounds the (block, n) temporaries
 
 
@@ -24,10 +26,14 @@ BLOCK = 8  # primitives tested at once: bounds the (block, n) temporaries
 class AnalyticPrimitives:
     """All analytic primitives of a scene, told apart by `kind`; unused parameters are 0.
 
-    kind: (k,) RECTANGLE, DISK, SPHERE or TRIANGLE. shape: (k,). origin: (3, k), a corner or a centre.
+    kind: (k,) RECTANGLE, DISK, SPHERE, TRIANGLE or QUADRIC + a form. shape: (k,). origin: (3, k), a corner
+    or a centre.
     x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose
     products with a point's offset are its coordinates along the two edges. normal: (3, k), the emitting side
     of flat ones. radius: (k,). side: (k,), -1 for a sphere whose normal points inwards.
+
+    Of quadrics x, y, z (3, k) are the rows of the map to object space; zmin, zmax, inner, phimax: (k,), as in
+    `Part`.
     """
 
     kind: NDArray[np.int8]
@@ -40,6 +46,11 @@ class AnalyticPrimitives:
     normal: Floats
     radius: Floats
     side: Floats
+    z: Floats
+    zmin: Floats
+    zmax: Floats
+    inner: Floats
+    phimax: Floats
 
     def __len__(self) -> int:
         return self.shape.size
@@ -99,12 +110,43 @@ class AnalyticPrimitives:
         on_sphere = origin + radial * self.radius[which]
         height = dot(away, self.normal[:, which])
         on_plane = p - self.normal[:, which] * height
-        return np.where(sphere, on_sphere, on_plane), np.where(
-            sphere, radial * self.side[which], self.normal[:, which]
-        )
+        out = np.where(sphere, on_sphere, on_plane)
+        normal = np.where(sphere, radial * self.side[which], self.normal[:, which])
+        for form, rows in self.quadrics_among(which):
+            own = which[rows]
+            out[:, rows], n = self._on_quadric(form, own, p.take(rows, axis=1))
+            normal[:, rows] = n * self.side[own]
+        return out, normal
+
+    def _on_quadric(self, form: str, which: NDArray[np.int64], p: Floats) -> tuple[Floats, Floats]:
+        """Points p (3, n) moved onto quadrics of one form, and the outward unit normals there."""
+        axes, local = self.axes(which), self.in_object(which, p)
+        moved, normal = quadrics.onto(form, self.part(which), local)
+        return p + quadrics.to_world(*axes, moved - local), quadrics.normal_to_world(*axes, normal)
+
+    def quadrics_among(self, which: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.int64]]]:
+        """The forms of quadric among primitives (n,), with the rows (m,) of each; nothing without any."""
+        kind = self.kind[which]
+        if kind.max(initial=0) >= QUADRIC:
+            for i, form in enumerate(quadrics.FORMS):
+                rows = np.flatnonzero(kind == QUADRIC + i)
+                if rows.size:
+                    yield form, rows
+
+    def axes(self, which: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+        """x, y and z of quadrics (n,), each (3, n)."""
+        return self.x.take(which, axis=1), self.y.take(which, axis=1), self.z.take(which, axis=1)
+
+    def in_object(self, which: NDArray[np.int64], p: Floats) -> Floats:
+        """Points p (3, n) in the object spaces of quadrics (n,)."""
+        return quadrics.to_object(*self.axes(which), p - self.origin.take(which, axis=1))
+
+    def part(self, which: NDArray[np.int64]) -> quadrics.Part:
+        """The parts of quadrics (n,)."""
+        return quadrics.Part(self.radius, self.zmin, self.zmax, self.inner, self.phimax).take(which)
 
     def _blocks(self, among: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        for kind in (RECTANGLE, DISK, SPHERE, TRIANGLE):
+        for kind in range(QUADRIC + len(quadrics.FORMS)):
             members = among[self.kind[among] == kind]
             for start in range(0, members.size, BLOCK):
                 yield kind, members[start : start + BLOCK]
@@ -126,6 +168,8 @@ class AnalyticPrimitives:
         inwards = np.zeros_like(leaves)
         if kind == SPHERE:
             inwards = dot(o[:, None, :] - self.origin[:, block, None], d[:, None, :]) < 0
+        elif kind >= QUADRIC:
+            inwards = quadrics.leaves_inwards(quadrics.FORMS[kind - QUADRIC], *self._local(block, o, d))
         # From a point on the sphere the roots are 0 and -2 f.d; the first is rounding, the second counts if
         # ahead.
         return np.where(leaves, -np.inf, near), np.where(leaves & ~inwards, -np.inf, far)
@@ -135,10 +179,13 @@ class AnalyticPrimitives:
 
         Flat primitives have one.
         """
+        if kind >= QUADRIC:
+            part = self.part(block[:, None])
+            return quadrics.roots(quadrics.FORMS[kind - QUADRIC], part, *self._local(block, o, d))
         to_origin = self.origin[:, block, None] - o[:, None, :]
         d = d[:, None, :]
         if kind == SPHERE:
-            return _sphere_roots(to_origin, d, self.radius[block, None])
+            return sphere_roots(to_origin, d, self.radius[block, None])
         normal = self.normal[:, block, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             t = dot(to_origin, normal) / dot(d, normal)
@@ -155,20 +202,11 @@ class AnalyticPrimitives:
         t = np.where(inside, t, -np.inf)
         return t, np.full_like(t, -np.inf)
 
-
-def _sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats, Floats]:
-    """Both roots of |t d - c| = r for unit d, without cancellation [haines2019]. A miss gives -inf."""
-    along = dot(to_center, d)
-    off = to_center - d * along
-    half = radius * radius - dot(off, off)
-    root = np.sqrt(np.maximum(half, 0.0))
-    q = along + np.copysign(root, along)
-    distance = np.sqrt(dot(to_center, to_center))
-    power = (distance - radius) * (distance + radius)
-    other = np.divide(power, q, out=np.zeros_like(q), where=q != 0)
-    miss = half < 0
-    near, far = np.minimum(q, other), np.maximum(q, other)
-    return np.where(miss, -np.inf, near), np.where(miss, -np.inf, far)
+    def _local(self, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
+        """Origins and directions (3, b, n) of rays in the object spaces of quadrics."""
+        x, y, z = self.x[:, block, None], self.y[:, block, None], self.z[:, block, None]
+        away = o[:, None, :] - self.origin[:, block, None]
+        return quadrics.to_object(x, y, z, away), quadrics.to_object(x, y, z, d[:, None, :])
 
 
 @singledispatch
@@ -189,6 +227,16 @@ def _(geometry: Sphere, shape: int) -> list[AnalyticPrimitives]:
 @primitives_of.register
 def _(geometry: Disk, shape: int) -> list[AnalyticPrimitives]:
     return [_single(DISK, shape, geometry.center, radius=geometry.radius, normal=geometry.normal)]
+
+
+@primitives_of.register
+def _(geometry: Quadric, shape: int) -> list[AnalyticPrimitives]:
+    x, y, z = quadrics.inverse_rows(geometry)
+    g, side = geometry, -1.0 if geometry.reverse else 1.0
+    kind = QUADRIC + quadrics.FORMS.index(g.form)
+    plain = _single(kind, shape, g.matrix[:, 3], x=x, y=y, radius=g.radius, side=side)
+    zmin, zmax, inner, phimax = (np.array([v]) for v in (g.zmin, g.zmax, g.inner, np.radians(g.phimax)))
+    return [replace(plain, z=z[:, None], zmin=zmin, zmax=zmax, inner=inner, phimax=phimax)]
 
 
 @primitives_of.register
@@ -248,6 +296,8 @@ def _single(
         column(normal),
         np.array([radius]),
         np.array([side]),
+        column(None),
+        *(np.zeros(1) for _ in range(4)),
     )
 
 

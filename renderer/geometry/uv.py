@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.geometry.analytic import SPHERE, AnalyticPrimitives
 from renderer.geometry.primitives import is_analytic
+from renderer.geometry.quadrics import texture_coordinates, to_world
 from renderer.math.vectors import Floats, cross, dot
 from scenes.description.materials import is_oriented
 from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
@@ -69,6 +70,11 @@ class Coordinates:
             which = primitive[rows]
             away = p.take(rows, axis=1) - self.analytic.origin.take(which, axis=1)
             out[:, rows] = cross(np.ascontiguousarray(self.frames[:, 2].take(which, axis=1)), away)
+            for _, some in self.analytic.quadrics_among(which):
+                own = which[some]
+                local = self.analytic.in_object(own, p.take(rows[some], axis=1))
+                turn = np.stack([-local[1], local[0], np.zeros(own.size)])
+                out[:, rows[some]] = to_world(*self.analytic.axes(own), turn)
         return out
 
     def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -84,7 +90,12 @@ class Coordinates:
         u = np.where(phi < 0, phi + 2 * np.pi, phi) / (2 * np.pi)
         theta = np.arctan2(np.sqrt(x * x + y * y), z)
         flat = 1.0 - np.sqrt(x * x + y * y) / self.analytic.radius[which]
-        return np.stack([u, np.where(self.analytic.kind[which] == SPHERE, 1.0 - theta / np.pi, flat)])
+        out = np.stack([u, np.where(self.analytic.kind[which] == SPHERE, 1.0 - theta / np.pi, flat)])
+        for form, rows in self.analytic.quadrics_among(which):
+            own = which[rows]
+            local = self.analytic.in_object(own, p.take(rows, axis=1))
+            out[:, rows] = texture_coordinates(form, self.analytic.part(own), local)
+        return out
 
 
 def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -96,7 +107,7 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
 
     analytic: the primitives of these shapes. SceneError for a varying patch that is no parallelogram.
     """
-    if not any(varies(s) for s in shapes):
+    if not any(s.needs_uv for s in shapes):
         return None
     corners: list[Floats] = [np.zeros((0, 3, 3))]
     uv: list[Floats] = [np.zeros((0, 3, 2))]
@@ -132,16 +143,11 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
     )
 
 
-def varies(s: ShapeDescription) -> bool:
-    """Whether a shape's material or emission depends on texture coordinates."""
-    return s.material.needs_uv or (s.emission is not None and s.emission.image is not None)
-
-
 def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
     """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a mesh; an analytic patch
     is one of them, any other two.
     """
-    if isinstance(mesh, BilinearMesh) and varies(s) and not mesh.are_parallelograms():
+    if isinstance(mesh, BilinearMesh) and s.needs_uv and not mesh.are_parallelograms():
         what = "anisotropic roughness" if is_oriented(s.material) else "a texture"
         raise SceneError(f"{what} on a patch that is no parallelogram is not supported", s.where)
     if is_analytic(s):

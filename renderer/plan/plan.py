@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.build import RenderScene
+from renderer.geometry.cutouts import Perforated
 from renderer.geometry.triangles import Triangles
 from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
@@ -50,7 +51,8 @@ class RenderPlan:
 
     shadow: (s, q) pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether any
     light may dip below a receiver's horizon. emits: whether light is seen directly. shadow_triangles,
-    shadow_analytic: the blockers. witness: told of every sample, for pictures of what an estimator does; None
+    shadow_analytic: the blockers without an alpha; perforated: those with one, None without any. witness:
+    told of every sample, for pictures of what an estimator does; None
     in every render.
     """
 
@@ -61,6 +63,7 @@ class RenderPlan:
     emits: bool
     shadow_triangles: Triangles | None
     shadow_analytic: NDArray[np.int64]
+    perforated: Perforated | None
     decisions: tuple[Decision, ...]
     seconds: float
     witness: Witness | None = None
@@ -84,12 +87,13 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         _blockers(proved.blockers),
         _horizon(proved.crosses),
         *_shading_normals(scene),
+        *_alpha(scene),
     )
     in_view = (
         visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
     )
     shades = proved.blockers if "blockers" in active else np.ones(count, dtype=np.bool_)
-    shadow_triangles, shadow_analytic = _shadow_casters(scene, shades)
+    shadow_triangles, shadow_analytic, perforated = _shadow_casters(scene, shades)
     return RenderPlan(
         in_view=np.flatnonzero(in_view[scene.analytic.shape]),
         receivers=proved.lit if "reach" in active else np.ones(count, dtype=np.bool_),
@@ -98,6 +102,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         emits=bool(seen.any()) if "emission" in active else True,
         shadow_triangles=shadow_triangles,
         shadow_analytic=shadow_analytic,
+        perforated=perforated,
         decisions=decisions,
         seconds=time.perf_counter() - start,
     )
@@ -110,7 +115,7 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
     start = time.perf_counter()
     count = len(scene)
     everyone = np.ones(count, dtype=np.bool_)
-    triangles, analytic = _shadow_casters(scene, everyone)
+    triangles, analytic, perforated = _shadow_casters(scene, everyone)
     lights = Decision("light", False, "ambient occlusion asks only what is open, not what shines", "none")
     return RenderPlan(
         in_view=np.arange(len(scene.analytic)),
@@ -120,6 +125,7 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
         emits=False,
         shadow_triangles=triangles,
         shadow_analytic=analytic,
+        perforated=perforated,
         decisions=(lights,),
         seconds=time.perf_counter() - start,
     )
@@ -177,12 +183,24 @@ def _corners(scene: RenderScene) -> Floats:
     return np.where(choose == 0, low[:, :, None], high[:, :, None])
 
 
-def _shadow_casters(scene: RenderScene, shades: Bools) -> tuple[Triangles | None, NDArray[np.int64]]:
+def _shadow_casters(
+    scene: RenderScene, shades: Bools
+) -> tuple[Triangles | None, NDArray[np.int64], Perforated | None]:
+    """The shapes (s,) that shade: triangles and analytic primitives without an alpha, and those with one."""
+    if scene.cutouts is None:
+        return *_members(scene, shades), None
+    some = scene.cutouts.some & shades
+    perforated = Perforated(scene.cutouts, *_members(scene, some), scene.analytic) if some.any() else None
+    return *_members(scene, shades & ~scene.cutouts.some), perforated
+
+
+def _members(scene: RenderScene, some: Bools) -> tuple[Triangles | None, NDArray[np.int64]]:
+    """The triangles and the analytic primitives of some shapes (s,)."""
     triangles = scene.triangles
     if triangles is not None:
-        keep = shades[triangles.shape]
+        keep = some[triangles.shape]
         triangles = None if not keep.any() else triangles if keep.all() else triangles.only(keep)
-    return triangles, np.flatnonzero(shades[scene.analytic.shape])
+    return triangles, np.flatnonzero(some[scene.analytic.shape])
 
 
 def _emission(scene: RenderScene, seen: Bools) -> Decision:
@@ -221,6 +239,13 @@ def _shading_normals(scene: RenderScene) -> list[Decision]:
         return []
     reason = f"{int(scene.smooth.sum())} of {len(scene)} shapes have vertex normals"
     return [Decision("shading normals", True, reason, "none")]
+
+
+def _alpha(scene: RenderScene) -> list[Decision]:
+    if scene.cutouts is None:
+        return []
+    reason = f"{len(scene.cutouts.alphas)} of {len(scene)} shapes have an alpha"
+    return [Decision("holes in surfaces", True, reason, "none")]
 
 
 def _horizon(crosses: bool) -> Decision:

@@ -146,7 +146,7 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
 
     The light is -1 and its distance inf where there is none; an environment is behind all else.
     """
-    everyone = scene.lights.primitive[scene.lights.primitive >= 0]
+    everyone = scene.lights.primitive[(scene.lights.primitive >= 0) & ~scene.lights.delta]
     t, primitive = scene.analytic.closest(everyone, hit.p, wi, hit.primitive)
     light = (
         np.where(primitive >= 0, scene.lights.of_primitive.take(primitive, mode="clip"), -1)

@@ -53,6 +53,20 @@ def sphere_to_square(w: Floats) -> Floats:
     return np.stack([0.5 * (np.copysign(p, x) + 1.0), 0.5 * (np.copysign(q, y) + 1.0)])
 
 
+def around_edges(u: Floats) -> Floats:
+    """Points (2, n) beyond the unit square, by less than its size, where the octahedron goes on."""
+    x, y = _folded(u[0], u[1])
+    y, x = _folded(y, x)
+    return np.stack([x, y])
+
+
+def _folded(along: Floats, other: Floats) -> tuple[Floats, Floats]:
+    """The two coordinates (n,) of points beyond the ends of `along`."""
+    out = (along < 0) | (along > 1)
+    along = np.where(along < 0, -along, np.where(along > 1, 2.0 - along, along))
+    return along, np.where(out, 1.0 - other, other)
+
+
 def bilinear_on_sphere(image: Floats, w: Floats) -> Floats:
     """An image (h, h, 3) interpolated between texel middles towards unit vectors w (3, n): (3, n).
 

@@ -48,9 +48,13 @@ class PerspectiveCamera:
     kind: ClassVar[str] = "perspective"
 
     @property
-    def own(self) -> dict[str, float]:
+    def own(self) -> dict[str, float | str]:
         """The parameters that pbrt gives to this kind alone."""
         return {"fov": self.fov}
+
+    def whole(self, width: int, height: int) -> Array:
+        """The window (4,) of a film of that size where nothing else is said."""
+        return np.array([-width, width, -height, height]) / min(width, height)
 
     def film_plane(self, film: Film) -> tuple[float, float, float, float]:
         """Left, top, dx, dy: the film point (x, y), in pixels, lies at (left + x dx, top - y dy, 1).
@@ -79,7 +83,11 @@ class OrthographicCamera:
     window: Array | None = None
     lens: Lens | None = None
     kind: ClassVar[str] = "orthographic"
-    own: ClassVar[dict[str, float]] = {}
+    own: ClassVar[dict[str, float | str]] = {}
+
+    def whole(self, width: int, height: int) -> Array:
+        """As of `PerspectiveCamera`."""
+        return np.array([-width, width, -height, height]) / min(width, height)
 
     def film_plane(self, film: Film) -> tuple[float, float, float, float]:
         """Left, top, dx, dy: the film point (x, y), in pixels, lies at (left + x dx, top - y dy, 0)."""
@@ -90,7 +98,53 @@ class OrthographicCamera:
         raise SceneError(f"{who} takes a pinhole camera only, not an orthographic one")
 
 
-Camera = PerspectiveCamera | OrthographicCamera
+@dataclass(frozen=True, eq=False)
+class SphericalCamera:
+    """Rays all around from the origin of camera space, whose y is up.
+
+    camera_to_world: as of `PerspectiveCamera`. mapping: "equalarea", the map of environments with y and z
+    swapped, or "equirectangular": columns turn from +x towards +z, and rows go from +y to -y. window: (4,)
+    left, right, bottom and top of the film on that map, whose top left is (0, 0); None for all of it.
+    Source: [pharr2023, sec. 5.3].
+    """
+
+    camera_to_world: Array
+    mapping: str = "equalarea"
+    window: Array | None = None
+    lens: ClassVar[None] = None
+    kind: ClassVar[str] = "spherical"
+
+    @property
+    def own(self) -> dict[str, float | str]:
+        """As of `PerspectiveCamera`."""
+        return {"mapping": self.mapping}
+
+    def whole(self, width: int, height: int) -> Array:
+        """As of `PerspectiveCamera`."""
+        return np.array([0.0, 1.0, 1.0, 0.0])
+
+    def film_plane(self, film: Film) -> tuple[float, float, float, float]:
+        """Left, top, dx, dy: the film point (x, y), in pixels, lies at (left + x dx, top - y dy) of the
+        map.
+        """
+        left, right, bottom, top = (self.whole(0, 0) if self.window is None else self.window).tolist()
+        return left, top, (right - left) / film.width, (top - bottom) / film.height
+
+    def crop(self, film: Film) -> tuple[tuple[int, int], tuple[int, int, int, int]] | None:
+        """Width and height of the film that this one was cut out of, and its pixels x0, x1, y0, y1 there."""
+        if self.window is None:
+            return None
+        left, right, bottom, top = self.window.tolist()
+        width, height = round(film.width / (right - left)), round(film.height / (bottom - top))
+        x, y = round(left * width), round(top * height)
+        return (width, height), (x, x + film.width, y, y + film.height)
+
+    def pinhole(self, who: str) -> PerspectiveCamera:
+        """SceneError: it has no film plane before its pinhole."""
+        raise SceneError(f"{who} takes a pinhole camera only, not a spherical one")
+
+
+Camera = PerspectiveCamera | OrthographicCamera | SphericalCamera
 
 
 def _film_plane(half: float, window: Array | None, film: Film) -> tuple[float, float, float, float]:

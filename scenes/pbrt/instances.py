@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scenes.description.shapes import Array, Faces, Mesh, TriangleMesh, vertex_normals
-from scenes.errors import Report, SceneError
+from scenes.errors import SceneError
 from scenes.pbrt.directives.shapes import place, range_problem
 from scenes.pbrt.state import InstanceUse, PlacedShape
 from scenes.pbrt.transforms import FLAT
@@ -50,7 +50,7 @@ class _Pool:
 
 
 def expand_instances(
-    uses: Sequence[InstanceUse], objects: Mapping[str, Sequence[PlacedShape]], report: Report
+    uses: Sequence[InstanceUse], objects: Mapping[str, Sequence[PlacedShape]]
 ) -> Iterable[PlacedShape]:
     """All instances as shapes of the world; SceneError for an unknown object, for too much, and for what
     leaves the range of coordinates.
@@ -63,17 +63,12 @@ def expand_instances(
             if use.transform.flattens and not isinstance(shape.geometry, Mesh):
                 raise SceneError(FLAT, use.where)
             moved = place(shape.geometry, use.transform)
-            if moved is None:
-                report.add(
-                    "the instance stretches a sphere or a disk; ellipsoids and ellipses are not supported",
-                    use.where,
-                )
-                continue
-            placed = PlacedShape(moved, shape.material, None, use.where)
+            placed = PlacedShape(moved, shape.material, None, use.where, shape.alpha)
             if isinstance(moved, Mesh):
                 key = (
                     type(moved),
                     id(shape.material),
+                    shape.alpha,
                     moved.reverse,
                     moved.uv is None,
                     vertex_normals(moved) is None,

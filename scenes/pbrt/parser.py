@@ -27,6 +27,7 @@ from scenes.pbrt.directives.environment import sum_environments
 from scenes.pbrt.directives.integrator import check_delta
 from scenes.pbrt.directives.materials import resolve_material
 from scenes.pbrt.directives.media import check_media, surfaces
+from scenes.pbrt.directives.shapes import resolve_alpha
 from scenes.pbrt.instances import expand_instances
 from scenes.pbrt.reader import Reader
 from scenes.pbrt.state import Builder, PlacedShape
@@ -101,7 +102,7 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
     lights = sum_environments(builder.lights)
     check_delta(builder)
     objects = {name: surfaces(builder, shapes) for name, shapes in builder.objects.items()}
-    placed = [*surfaces(builder, builder.shapes), *expand_instances(builder.uses, objects, report)]
+    placed = [*surfaces(builder, builder.shapes), *expand_instances(builder.uses, objects)]
     shapes = tuple(shape for item in placed for shape in _shapes(item, builder))
     report.check()
     if ratio != 1:
@@ -130,6 +131,9 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
     if placed.light is not None:
         parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]
-    if not material.needs_uv:
+    alpha = resolve_alpha(placed.alpha, builder)
+    if isinstance(alpha, np.ndarray) and not alpha.any() and placed.light is None:
+        return []  # no ray ever meets it
+    if not material.needs_uv and (alpha is None or isinstance(alpha, np.ndarray)):
         parts = [(geometry.untextured(), emission) for geometry, emission in parts]
-    return [ShapeDescription(geometry, material, emission, placed.where) for geometry, emission in parts]
+    return [ShapeDescription(one, material, emission, placed.where, alpha) for one, emission in parts]

@@ -54,6 +54,17 @@ class TexturedDiffuse:
 
 
 @dataclass(frozen=True)
+class NamedAlpha:
+    """The alpha of a shape as the float texture of this name; resolved like `NamedMaterial`."""
+
+    texture: str
+    where: Location
+
+
+Alpha = float | NamedAlpha
+
+
+@dataclass(frozen=True)
 class Interface:
     """A material of no surface: light passes straight through, as pbrt's null material."""
 
@@ -110,6 +121,7 @@ class PlacedShape:
     material: MaterialUse
     light: AreaLight | None
     where: Location
+    alpha: Alpha | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,8 @@ CASES = [
     ("film-and-window", "mis"),
     ("thin-lens", "mis"),
     ("orthographic", "mis"),
+    ("partial-quadrics", "mis"),
+    ("alpha", "mis"),
     ("smooth-normals", "mis"),
     ("smooth-normals", "projected-solid-angle"),
     *((name, "mis") for name in GLASS),
@@ -54,9 +56,11 @@ COLOUR = (
         "sky-and-sun": 2e-3,
         "asymmetric": 0.0,
         "film-and-window": 1e-3,
+        "alpha": 1e-3,
         "smooth-normals": 1e-3,
         "thin-lens": 1e-3,
         "orthographic": 1e-3,
+        "partial-quadrics": 1e-3,
     }
     | GLASS
 )

@@ -58,6 +58,7 @@ class ClosedFormBackend:
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
         try:
             _parts(scene, quantity)
+            film_plane(scene.camera, scene.film)
         except SceneError as error:
             return str(error)
         return None

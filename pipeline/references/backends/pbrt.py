@@ -40,6 +40,7 @@ from pipeline.references.subprocesses import last_words
 from pipeline.store.keys import imported_code
 from scenes.description.lights import environments
 from scenes.description.scene import RenderDefaults, SceneDescription
+from scenes.description.shapes import pbrt_samples
 from scenes.errors import PenumbraError
 from scenes.hashing import hash_file
 from scenes.images.exr import read_rgb, write_exr
@@ -136,6 +137,11 @@ def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
     if not all(light.in_pbrt for light in environments(scene.lights)):
         raise PenumbraError(
             "its sky ends at a horizon or is laid out by latitude, and pbrt has no such light"
+        )
+    if quantity == "radiance" and not all(pbrt_samples(s.geometry) for s in scene.shapes if s.emission):
+        raise PenumbraError(
+            "it has a light on part of a sphere or a disk, or on a stretched one, and pbrt samples the whole "
+            "one as it is before the transformation: its image is biased"
         )
     defaults = RenderDefaults(estimator=None if quantity == "radiance" else quantity)
     made = export(replace(scene, defaults=defaults, film=replace(scene.film, filename="")), "scene")

@@ -27,6 +27,8 @@ PARALLEL = 1e-9  # sine below which planes count as parallel, and an edge as par
 
 def area_emitter(shape: ShapeDescription) -> Patch | Disk | Sphere:
     """The emitter that an emitting shape is; SceneError where it has no closed form."""
+    if shape.alpha is not None:
+        raise SceneError("there is no closed form of a light with an alpha", shape.where)
     return _area_emitter(shape.geometry, shape)
 
 

@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.scene import Camera, Film, Lens, OrthographicCamera, PerspectiveCamera, PixelFilter
+from scenes.description.scene import (
+    Camera,
+    Film,
+    Lens,
+    OrthographicCamera,
+    PerspectiveCamera,
+    PixelFilter,
+    SphericalCamera,
+)
 from scenes.errors import SceneError
 from scenes.pbrt.state import DEFAULT_FILTER, FILTERS, Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
@@ -61,7 +69,17 @@ def _orthographic(builder: Builder, _: Parameters, lens: Lens | None) -> Camera:
     return OrthographicCamera(builder.state.transform.inverse, lens=lens)
 
 
-KINDS = {"perspective": _perspective, "orthographic": _orthographic}
+def _spherical(builder: Builder, parameters: Parameters, _: Lens | None) -> Camera:
+    mapping = parameters.text("mapping", MAPPINGS[0])
+    if mapping not in MAPPINGS:
+        raise parameters.fail("mapping", f'unknown mapping "{mapping}"; there are: {", ".join(MAPPINGS)}')
+    builder.screen_window = None  # pbrt reads one, and a lens, and uses neither
+    to_world = rigid(builder.state.transform)
+    return SphericalCamera(builder.state.transform.inverse if to_world is None else to_world, mapping)
+
+
+KINDS = {"perspective": _perspective, "orthographic": _orthographic, "spherical": _spherical}
+MAPPINGS = ("equalarea", "equirectangular")
 
 
 def _lens(parameters: Parameters) -> Lens | None:
@@ -95,11 +113,11 @@ def _window(parameters: Parameters) -> Array | None:
 def framed(builder: Builder) -> Camera:
     """The camera with the window that the film's crop shows.
 
-    The window is None where it is the film's own: the shorter side from -1 to 1.
+    The window is None where it is the film's own, see `whole`.
     """
     film, crop, window = builder.film, builder.crop, builder.screen_window
     width, height = (film.width, film.height) if crop is None else builder.full_size
-    own = np.array([-width, width, -height, height]) / min(width, height)
+    own = builder.camera.whole(width, height)
     if window is not None and np.abs(window - own).max() <= SAME_WINDOW * np.abs(own).max():
         window = None
     if crop is None:

@@ -1,5 +1,5 @@
-"""`Shape`: pbrt-v4's triangle meshes, bilinear meshes, mesh files, spheres and disks, brought into world
-space.
+"""`Shape`: pbrt-v4's triangle meshes, bilinear meshes, mesh files, spheres, disks and cylinders, brought into
+world space.
 
 Orientation follows pbrt-v4's source. Triangles and patches turn their normal where `ReverseOrientation` xor a
 mirroring transformation says so. Spheres and disks that emit are different there: the normal of a light
@@ -15,17 +15,31 @@ from functools import singledispatch
 
 import numpy as np
 
-from scenes.description.shapes import Array, Disk, Geometry, Mesh, Sphere, TriangleMesh, basis, vertex_normals
+from scenes.description.shapes import (
+    Array,
+    Disk,
+    Geometry,
+    Mesh,
+    Quadric,
+    Sphere,
+    TriangleMesh,
+    basis,
+    pbrt_samples,
+    vertex_normals,
+)
+from scenes.description.textures import Texture
 from scenes.errors import Location, PenumbraError, SceneError, Unsupported
 from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
-from scenes.pbrt.state import Builder, PlacedShape, check_room
+from scenes.pbrt.directives.textures import named_texture
+from scenes.pbrt.state import Alpha, AreaLight, Builder, NamedAlpha, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, FLAT, Transform, orthonormal, uniform_scale, unit
 from scenes.pbrt.write.text import block, matrix, numbers, rotation
 
+AS_IT_IS = np.eye(4)[:3]  # the matrix of what is not yet placed
 MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")  # which may be flattened
 
 
@@ -49,10 +63,16 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
         )
         light = None
     placement = Placement(state.transform, state.reverse, light)
-    placed = [
-        PlacedShape(geometry, state.material, light, parameters.where)
-        for geometry in build_shape(kind, parameters, placement)
-    ]
+    geometries = build_shape(kind, parameters, placement)
+    alpha = _alpha(parameters, light)
+    if alpha == 0.0 and light is None:
+        return  # no ray ever meets it
+    placed = [PlacedShape(one, state.material, light, parameters.where, alpha) for one in geometries]
+    if light is not None and not all(pbrt_samples(one.geometry) for one in placed):
+        builder.report.remark(
+            f"pbrt lights a scene by the whole {kind}, unstretched: here the light is what is seen of it",
+            parameters.where,
+        )
     target = builder.shapes if builder.current_object is None else builder.objects[builder.current_object]
     check_room(target, "shapes", parameters.where)
     target.extend(placed)
@@ -78,7 +98,6 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
         raise Unsupported(
             f"shape {kind!r} is not supported; supported: {', '.join(_SHAPES)}", parameters.where
         )
-    _check_alpha(parameters)
     if placement.transform.flattens and kind not in MESHES:
         raise SceneError(FLAT, parameters.where)
     with np.errstate(all="ignore"):
@@ -90,10 +109,33 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
         return [_emitting(g, parameters) for g in geometries] if placement.light else geometries
 
 
-def _check_alpha(parameters: Parameters) -> None:
+def _alpha(parameters: Parameters, light: AreaLight | None) -> Alpha | None:
+    """How likely rays meet the shape, None where they always do.
+
+    A light of alpha 0 is sampled and never met, as in pbrt.
+    """
     parameter = parameters.take("alpha", "float", "texture")
-    if parameter is not None and (parameter.type == "texture" or parameters.number("alpha", 1.0) != 1):
-        parameters.unsupported("alpha", "alpha is not supported: surfaces have no holes")
+    if parameter is None:
+        return None
+    alpha: Alpha
+    if parameter.type == "texture":
+        alpha = NamedAlpha(parameters.text_of(parameter), parameter.where)
+    else:
+        alpha = max(parameters.number("alpha", 1.0), 0.0)
+        if alpha >= 1:
+            return None
+    if light is not None and alpha != 0.0:
+        parameters.substitute("alpha", "alpha of an area light that is not 0", "opaque")
+        return None
+    return alpha
+
+
+def resolve_alpha(alpha: Alpha | None, builder: Builder) -> Texture | None:
+    """The alpha of a shape, its name looked up; SceneError where there is no such texture."""
+    if isinstance(alpha, NamedAlpha):
+        found = named_texture(builder, "float", alpha.texture, alpha.where).value
+        return None if isinstance(found, np.ndarray) and found.min() >= 1 else found
+    return None if alpha is None else np.full(3, alpha)
 
 
 def range_problem(geometry: Geometry) -> str | None:
@@ -109,12 +151,14 @@ def _emitting(geometry: Geometry, parameters: Parameters) -> Geometry:
     """A triangle mesh without the faces that have no area, which are lights of no power in pbrt; SceneError
     where all are. Other shapes as they are.
     """
-    if not isinstance(geometry, TriangleMesh):
-        return geometry
     whole = geometry.areas() > 0
     if not np.any(whole):
-        raise SceneError("the mesh emits light but has no area", parameters.where)
-    return geometry if np.all(whole) else replace(geometry, faces=geometry.faces[whole])
+        raise SceneError(f"the {parameters.owner} emits light but has no area", parameters.where)
+    return (
+        geometry
+        if np.all(whole) or not isinstance(geometry, TriangleMesh)
+        else replace(geometry, faces=geometry.faces[whole])
+    )
 
 
 def _radius(parameters: Parameters) -> float:
@@ -122,15 +166,6 @@ def _radius(parameters: Parameters) -> float:
     if radius <= 0:
         raise parameters.fail("radius", f"the radius must be positive, not {radius:g}")
     return radius
-
-
-def _only(parameters: Parameters, name: str, value: float) -> None:
-    """Report a bound that cuts something off; pbrt brings those beyond the shape back to it."""
-    beyond = parameters.number(name, value) - value
-    if (beyond if value < 0 else -beyond) > 0 or (value == 0 and beyond != 0):
-        parameters.unsupported(
-            name, f"{name} must be {value:g}: only the full {parameters.owner} is supported"
-        )
 
 
 def _check_side(parameters: Parameters, placement: Placement) -> None:
@@ -144,41 +179,60 @@ def _check_side(parameters: Parameters, placement: Placement) -> None:
         )
 
 
+def _bounds(parameters: Parameters, radius: float, limit: float, most: float) -> tuple[float, float]:
+    """zmin and zmax in order, within +-limit; pbrt's defaults are most and -most of the radius."""
+    given = [parameters.number(name, value) for name, value in (("zmin", -most), ("zmax", most))]
+    low, high = (min(max(value, -limit), limit) for value in (min(given), max(given)))
+    return low, high
+
+
+def _turn(parameters: Parameters) -> float:
+    return min(max(parameters.number("phimax", 360.0), 0.0), 360.0)
+
+
 def _sphere(parameters: Parameters, placement: Placement) -> list[Geometry]:
     radius = _radius(parameters)
-    _only(parameters, "zmin", -radius)
-    _only(parameters, "zmax", radius)
-    _only(parameters, "phimax", 360.0)
+    low, high = _bounds(parameters, radius, radius, radius)
+    phimax = _turn(parameters)
     _check_side(parameters, placement)
-    plain = Sphere(np.zeros(3), radius, placement.reverse, np.eye(3))
-    return [_placed(plain, placement, "an ellipsoid of the sphere", parameters)]
+    if (low, high, phimax) == (-radius, radius, 360.0):
+        return [_placed(Sphere(np.zeros(3), radius, placement.reverse, np.eye(3)), placement)]
+    return [
+        _placed(Quadric("sphere", AS_IT_IS, radius, low, high, 0.0, phimax, placement.reverse), placement)
+    ]
 
 
 def _disk(parameters: Parameters, placement: Placement) -> list[Geometry]:
     radius, height = _radius(parameters), parameters.number("height", 0.0)
-    _only(parameters, "innerradius", 0.0)
-    _only(parameters, "phimax", 360.0)
+    inner, phimax = parameters.number("innerradius", 0.0), _turn(parameters)
     _check_side(parameters, placement)
-    plain = Disk(
-        np.array([0.0, 0.0, height]),
-        np.array([0.0, 0.0, -1.0 if placement.reverse else 1.0]),
-        radius,
-        np.eye(3),
-    )
-    return [_placed(plain, placement, "an ellipse of the disk", parameters)]
+    if inner == 0.0 and phimax == 360.0:
+        center, normal = (
+            np.array([0.0, 0.0, height]),
+            np.array([0.0, 0.0, -1.0 if placement.reverse else 1.0]),
+        )
+        return [_placed(Disk(center, normal, radius, np.eye(3)), placement)]
+    part = Quadric("disk", AS_IT_IS, radius, height, height, abs(inner), phimax, placement.reverse)
+    return [_placed(part, placement)]
 
 
-def _placed(geometry: Geometry, placement: Placement, otherwise: str, parameters: Parameters) -> Geometry:
-    """otherwise: what the transformation makes of the shape where there is no such kind."""
-    placed = place(geometry, placement.transform, placement.light is not None)
-    if placed is None:
-        raise Unsupported(f"the transformation makes {otherwise}; that is not supported", parameters.where)
-    return placed
+def _cylinder(parameters: Parameters, placement: Placement) -> list[Geometry]:
+    radius = _radius(parameters)
+    low, high = _bounds(parameters, radius, np.inf, 1.0)
+    _check_side(parameters, placement)
+    phimax = _turn(parameters)
+    return [
+        _placed(Quadric("cylinder", AS_IT_IS, radius, low, high, 0.0, phimax, placement.reverse), placement)
+    ]
+
+
+def _placed(geometry: Geometry, placement: Placement) -> Geometry:
+    return place(geometry, placement.transform, placement.light is not None)
 
 
 @singledispatch
-def place(geometry: Geometry, transform: Transform, emits: bool = False) -> Geometry | None:
-    """A shape under a transformation; None where that makes it a shape of no kind that there is.
+def place(geometry: Geometry, transform: Transform, emits: bool = False) -> Geometry:
+    """A shape under a transformation. What that stretches or shears becomes a `Quadric`.
 
     emits: whether it is a light. A disk that is one keeps its side under a mirror.
     """
@@ -195,29 +249,56 @@ def _(geometry: Mesh, transform: Transform, emits: bool = False) -> Mesh:
 
 
 @place.register
-def _(geometry: Sphere, transform: Transform, emits: bool = False) -> Sphere | None:
+def _(geometry: Sphere, transform: Transform, emits: bool = False) -> Sphere | Quadric:
     linear = transform.matrix[:3, :3]
     factor, frame = uniform_scale(linear), orthonormal(linear)
-    if factor is None or frame is None or geometry.frame is None:
-        return None
+    own = np.eye(3) if geometry.frame is None else geometry.frame
+    if factor is None or frame is None:
+        matrix, r = np.column_stack([own, geometry.center]), geometry.radius
+        return _moved(Quadric("sphere", matrix, r, -r, r, reverse=geometry.reverse), transform)
     center = transform.points(geometry.center[None])[0]
     reverse = geometry.reverse != transform.swaps_handedness
-    return Sphere(center, geometry.radius * factor, reverse, frame @ geometry.frame)
+    return Sphere(center, geometry.radius * factor, reverse, frame @ own)
 
 
 @place.register
-def _(geometry: Disk, transform: Transform, emits: bool = False) -> Disk | None:
-    if geometry.frame is None:
-        return None
-    plane = transform.matrix[:3, :3] @ geometry.frame[:, :2]
+def _(geometry: Disk, transform: Transform, emits: bool = False) -> Disk | Quadric:
+    own = basis(geometry.normal) if geometry.frame is None else geometry.frame
+    plane = transform.matrix[:3, :3] @ own[:, :2]
     factor = uniform_scale(plane)
     if factor is None:
-        return None
+        reverse = float(own[:, 2] @ geometry.normal) < 0
+        matrix = np.column_stack([own, geometry.center])
+        return _moved(Quadric("disk", matrix, geometry.radius, 0.0, 0.0, reverse=reverse), transform)
     turned = transform.swaps_handedness and not emits
-    normal, axis = (_normal(transform, n) for n in (geometry.normal, geometry.frame[:, 2]))
+    normal, axis = (_normal(transform, n) for n in (geometry.normal, own[:, 2]))
     frame = np.stack([unit(plane[:, 0]), unit(plane[:, 1]), axis], axis=1) + 0.0
     center = transform.points(geometry.center[None])[0]
     return Disk(center, (-normal if turned else normal) + 0.0, geometry.radius * factor, frame)
+
+
+@place.register
+def _(geometry: Quadric, transform: Transform, emits: bool = False) -> Quadric:
+    return _moved(geometry, transform)
+
+
+def _moved(geometry: Quadric, transform: Transform) -> Quadric:
+    """The quadric under a transformation; on a hit pbrt turns the normal round under a mirror."""
+    full = Transform(np.vstack([geometry.matrix, [0.0, 0.0, 0.0, 1.0]]), np.eye(4))
+    matrix, g = (transform @ full).matrix[:3] + 0.0, geometry
+    factor, axes = uniform_scale(matrix[:, :3]), orthonormal(matrix[:, :3])
+    if factor is None or axes is None:
+        factor, axes = 1.0, matrix[:, :3]  # else the scale goes to the lengths, where pbrt's sampling sees it
+    return Quadric(
+        g.form,
+        np.column_stack([axes, matrix[:, 3]]),
+        g.radius * factor,
+        g.zmin * factor,
+        g.zmax * factor,
+        g.inner * factor,
+        g.phimax,
+        g.reverse != transform.swaps_handedness,
+    )
 
 
 def _normal(transform: Transform, n: Array) -> Array:
@@ -269,6 +350,23 @@ def _(geometry: Disk, emits: bool) -> list[str]:
     return [*_reverse(turned), center, axes, f'Shape "disk" "float radius" [ {geometry.radius!r} ]']
 
 
+@shape_text.register
+def _(geometry: Quadric, emits: bool) -> list[str]:
+    g, mirrored = geometry, bool(np.linalg.det(geometry.matrix[:, :3]) < 0)
+    values = {"radius": g.radius, "phimax": g.phimax}
+    values |= (
+        {"height": g.zmin, "innerradius": g.inner} if g.form == "disk" else {"zmin": g.zmin, "zmax": g.zmax}
+    )
+    if mirrored and emits:
+        raise PenumbraError("pbrt contradicts itself about the side that a mirrored quadric emits on")
+    text = " ".join(f'"float {name}" [ {value!r} ]' for name, value in values.items())
+    return [
+        *_reverse(g.reverse != mirrored),
+        matrix("ConcatTransform", g.matrix),
+        f'Shape "{g.form}" {text}',
+    ]
+
+
 def _reverse(turned: bool) -> list[str]:
     return ["ReverseOrientation"] if turned else []
 
@@ -284,4 +382,5 @@ _SHAPES: dict[str, Callable[[Parameters, Placement], list[Geometry]]] = {
     "loopsubdiv": loop_subdivision,
     "sphere": _sphere,
     "disk": _disk,
+    "cylinder": _cylinder,
 }

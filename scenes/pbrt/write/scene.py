@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scenes.description.lights import environments
-from scenes.description.scene import Camera, Film, RenderDefaults, SceneDescription
+from scenes.description.scene import Camera, Film, RenderDefaults, SceneDescription, SphericalCamera
 from scenes.description.shapes import Array, ShapeDescription
 from scenes.errors import PenumbraError
 from scenes.pbrt.directives.lights import area_light_text, light_text
@@ -73,7 +73,7 @@ def export(scene: SceneDescription, stem: str) -> ExportedScene:
     head += [f"# {note}" for note in notes]
     head += [
         *_camera(scene.camera),
-        *_film(scene.film, scene.name),
+        *_film(scene.film, scene.camera, scene.name),
         *_sampling(_written(scene), scene.occlusion_distance),
     ]
     return ExportedScene("\n".join([*head, "", "WorldBegin", *body]) + "\n", files.images, notes)
@@ -109,8 +109,8 @@ def _camera(camera: Camera) -> list[str]:
     given = dict(camera.own)
     if camera.lens is not None:
         given |= {"lensradius": camera.lens.radius, "focaldistance": camera.lens.distance}
-    shown = "".join(f' "float {name}" [ {value!r} ]' for name, value in given.items())
-    if camera.window is not None:
+    shown = "".join(_parameter(name, value) for name, value in given.items())
+    if camera.window is not None and not isinstance(camera, SphericalCamera):
         shown += f' "float screenwindow" [ {numbers(camera.window)} ]'
     return [
         matrix("Transform", to_camera),
@@ -119,12 +119,20 @@ def _camera(camera: Camera) -> list[str]:
     ]
 
 
-def _film(film: Film, name: str) -> list[str]:
+def _parameter(name: str, value: float | str) -> str:
+    return f' "string {name}" {quoted(value)}' if isinstance(value, str) else f' "float {name}" [ {value!r} ]'
+
+
+def _film(film: Film, camera: Camera, name: str) -> list[str]:
+    """`Film`; a crop of a spherical camera is told in pixels, of any other by its window."""
     filename = film.filename or f"{comment(name)}.exr"
+    size, bounds = (film.width, film.height), ""
+    if isinstance(camera, SphericalCamera) and (cut := camera.crop(film)) is not None:
+        size, bounds = cut[0], f' "integer pixelbounds" [ {" ".join(map(str, cut[1]))} ]'
     chosen = film.pixel_filter
     sigma = f' "float sigma" [ {chosen.sigma!r} ]' if chosen.kind == "gaussian" else ""
     return [
-        f'Film "rgb" "integer xresolution" [ {film.width} ] "integer yresolution" [ {film.height} ]'
+        f'Film "rgb" "integer xresolution" [ {size[0]} ] "integer yresolution" [ {size[1]} ]{bounds}'
         f' "string filename" [ {quoted(filename)} ] "bool savefp16" [ false ]',
         (
             f'PixelFilter "{chosen.kind}" "float xradius" [ {chosen.xradius!r} ] "float yradius" [ '
@@ -172,4 +180,5 @@ def _shape(shape: ShapeDescription, textures: TextureWriter) -> list[str]:
     if shape.emission is not None:
         lines.append(area_light_text(shape.emission, textures.files))
     lines += material_text(shape.material, textures)
-    return [*lines, *shape_text(shape.geometry, shape.emission is not None)]
+    alpha = [] if shape.alpha is None else [f"  {textures.parameter('float', 'alpha', shape.alpha, lines)}"]
+    return [*lines, *shape_text(shape.geometry, shape.emission is not None), *alpha]

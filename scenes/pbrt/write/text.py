@@ -38,9 +38,9 @@ def block(name: str, values: list[float] | list[int]) -> list[str]:
 
 
 def matrix(directive: str, linear: Array) -> str:
-    """A linear map (3, 3), column after column as pbrt reads it."""
+    """A linear map (3, 3), or an affine one (3, 4), column after column as pbrt reads it."""
     full = np.eye(4)
-    full[:3, :3] = linear
+    full[:3, : linear.shape[1]] = linear
     columns = (" ".join(repr(value) for value in column) for column in (full.T + 0.0).tolist())
     return f"{directive} [ {'  '.join(columns)} ]"
 

@@ -126,8 +126,10 @@ class Rich(Random):
         match self.rng.integers(4):
             case 0:
                 mesh = self.mesh()
+                alpha = self.texture(gray=True) if self.flag() else None
+                textured = textured or (alpha is not None and not isinstance(alpha, np.ndarray))
                 uv = self.rng.random((len(mesh.vertices), 2)) if textured else None
-                return ShapeDescription(replace(mesh, uv=uv), material)
+                return ShapeDescription(replace(mesh, uv=uv), material, alpha=alpha)
             case 1:
                 patch = self.patch()
                 image = self.image() if self.flag() else None

@@ -1,0 +1,131 @@
+"""Holes in surfaces: a ray meets a point of a shape with the probability that its alpha has there.
+
+As pbrt-v4's GeometricPrimitive::Intersect [pharr2023, sec. 7.1.1]: a hash of the ray's origin and direction
+decides, so that the same ray always fares the same; where it goes through, a new ray starts behind the
+surface. Camera rays and shadow rays do so alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.geometry.analytic import AnalyticPrimitives
+from renderer.geometry.triangles import Triangles
+from renderer.geometry.uv import Coordinates
+from renderer.interfaces.sampler import GOLDEN, mix
+from renderer.math.vectors import Floats, dot
+from renderer.textures import evaluate
+from scenes.description.shapes import ShapeDescription
+from scenes.description.textures import Texture
+
+Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Cutouts:
+    """The shapes with an alpha. some: (s,) which they are. alphas: theirs, by shape."""
+
+    some: Bools
+    alphas: tuple[tuple[int, Texture], ...]
+    coordinates: Coordinates | None
+
+    def missed(
+        self, o: Floats, d: Floats, p: Floats, shape: Integers, triangle: Integers, primitive: Integers
+    ) -> Bools:
+        """(n,): whether rays from o along d (3, n) go through the points p (3, n) of their shapes (n,)."""
+        alpha = np.ones(shape.size)
+        for number, texture in self.alphas:
+            rows = np.flatnonzero(shape == number)
+            if rows.size:
+                alpha[rows] = evaluate(texture, self._uv(p, triangle, primitive, rows))[0]
+        return _hashed(o, d) >= alpha
+
+    def _uv(self, p: Floats, triangle: Integers, primitive: Integers, rows: Integers) -> Floats:
+        if self.coordinates is None:
+            return np.zeros((2, rows.size))
+        return self.coordinates.at(p.take(rows, axis=1), triangle[rows], primitive[rows])
+
+
+def cutouts(shapes: Sequence[ShapeDescription], coordinates: Coordinates | None) -> Cutouts | None:
+    """Of a scene in which some shape has an alpha, else None."""
+    alphas = tuple((i, s.alpha) for i, s in enumerate(shapes) if s.alpha is not None)
+    if not alphas:
+        return None
+    return Cutouts(np.array([s.alpha is not None for s in shapes]), alphas, coordinates)
+
+
+def _hashed(o: Floats, d: Floats) -> Floats:
+    """Numbers (n,) in [0, 1), one for each ray from o along d, (3, n) each."""
+    state = np.full(d.shape[1], GOLDEN, dtype=np.uint64)
+    for part in (*o, *d):
+        state = mix(state ^ np.ascontiguousarray(part + 0.0).view(np.uint64))
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+@dataclass(frozen=True, eq=False)
+class Perforated:
+    """The shapes with an alpha among those that may shade: their triangles and analytic primitives."""
+
+    cutouts: Cutouts
+    triangles: Triangles | None
+    analytic: Integers
+    all: AnalyticPrimitives
+
+    def occluded(
+        self,
+        p: Floats,
+        n: Floats,
+        triangle: Integers,
+        primitive: Integers,
+        wi: Floats,
+        reach: Floats,
+    ) -> Bools:
+        """(n,): whether rays wi (3, n) from points p with normals n (3, n), on their side, are stopped within
+        the distance `reach` (n,). triangle, primitive: (n,) what the points lie on, -1 for none.
+        """
+        out = np.zeros(reach.size, dtype=np.bool_)
+        rows, left = np.arange(reach.size), reach
+        while rows.size:
+            t, triangle, primitive = self._closest(p, n, triangle, primitive, wi)
+            met = np.flatnonzero(t < left)
+            rows, left, t = rows[met], left[met] - t[met], t[met]
+            triangle, primitive = triangle[met], primitive[met]
+            o, wi = p.take(met, axis=1), wi.take(met, axis=1)
+            p = o + wi * t
+            p, n, shape = self._surface(p, wi, triangle, primitive)
+            missed = self.cutouts.missed(o, wi, p, shape, triangle, primitive)
+            out[rows[~missed]] = True
+            on = np.flatnonzero(missed)
+            rows, left, triangle, primitive = rows[on], left[on], triangle[on], primitive[on]
+            p, n, wi = p.take(on, axis=1), n.take(on, axis=1), wi.take(on, axis=1)
+        return out
+
+    def _closest(
+        self, p: Floats, n: Floats, triangle: Integers, primitive: Integers, wi: Floats
+    ) -> tuple[Floats, Integers, Integers]:
+        t, analytic = self.all.closest(self.analytic, p, wi, primitive)
+        if self.triangles is None:
+            return t, np.full_like(analytic, -1), analytic
+        far, index = self.triangles.closest_from(p, n, triangle, wi)
+        nearer = far < t
+        return np.where(nearer, far, t), np.where(nearer, index, -1), np.where(nearer, -1, analytic)
+
+    def _surface(
+        self, p: Floats, wi: Floats, triangle: Integers, primitive: Integers
+    ) -> tuple[Floats, Floats, Integers]:
+        """Points p (3, n) on their surfaces, the normals (3, n) there on the side of wi, and the shapes."""
+        n = np.zeros_like(p)
+        shape = np.zeros(p.shape[1], dtype=np.int64)
+        flat, exact = np.flatnonzero(triangle >= 0), np.flatnonzero(primitive >= 0)
+        if self.triangles is not None and flat.size:
+            n[:, flat] = self.triangles.normal.take(triangle[flat], axis=1)
+            shape[flat] = self.triangles.shape[triangle[flat]]
+        if exact.size:
+            p[:, exact], n[:, exact] = self.all.surface(primitive[exact], p.take(exact, axis=1))
+            shape[exact] = self.all.shape[primitive[exact]]
+        return p, np.where(dot(n, wi) < 0, -n, n), shape
