@@ -94,7 +94,7 @@ class Blocks:
             raise SceneError("ObjectInstance inside an object: objects do not nest", token.where)
         if len(builder.uses) >= INSTANCE_LIMIT:
             raise SceneError(f"more than {INSTANCE_LIMIT:,} instances", token.where)
-        builder.check_still("an instance", token.where)
+        builder.check_placed("an instance", token.where)
         builder.uses.append(InstanceUse(name, builder.state.transform, token.where))
 
 

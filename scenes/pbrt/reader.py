@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from scenes.description.textures import Array, mean
 from scenes.errors import Report, SceneError, Unsupported
 from scenes.files import Files
 from scenes.pbrt.blocks import Blocks
@@ -19,7 +20,7 @@ from scenes.pbrt.directives.table import ANYWHERE, ATTRIBUTE_TARGETS, OPTIONS, W
 from scenes.pbrt.directives.textures import declare, texture
 from scenes.pbrt.state import Builder, MediumInterface, NamedMaterial, check_room
 from scenes.pbrt.text.lexer import Source, Token, odd_space
-from scenes.pbrt.text.parameters import SPACES, Parameters
+from scenes.pbrt.text.parameters import SPACES, VERSION_3, Parameters
 from scenes.pbrt.text.stream import TokenStream
 from scenes.pbrt.text.syntax import PARAMETERS, Syntax
 from scenes.pbrt.text.template import Bindings, Header
@@ -46,7 +47,8 @@ class Reader:
         self._tokens = TokenStream(source, header.end, files)
         self._syntax = Syntax(self._tokens, bindings, self.builder.report, lambda: self.builder.state.space)
         self._options: dict[str, Callable[[], None]] = {}
-        self._late: dict[str, list[Callable[[], None]]] = {"float": [], "spectrum": []}
+        # Textures that are made at the end, or earlier where their mean is asked for; by type and name.
+        self._late: dict[tuple[str, str], tuple[Parameters, Callable[[], None]]] = {}
         self._blocks = Blocks(self.builder)
         # What only the world holds, and what may stand on both sides of WorldBegin.
         self._world_words: dict[str, Callable[[Token], None]] = {
@@ -82,8 +84,7 @@ class Reader:
                 self._one(token)
         finally:  # also of a text that breaks off, so that what is not supported is known
             self._set_options()
-            for make in (*self._late["float"], *self._late["spectrum"]):
-                make()
+            self._make_textures()
             report_media(self.builder)
         if self._problem is not None:
             raise self._problem
@@ -121,6 +122,8 @@ class Reader:
         elif name in WORLD or name in ANYWHERE:
             self._parametrised(token)
         else:
+            if name == "WorldEnd":
+                raise SceneError(f"WorldEnd {VERSION_3}", token.where)
             known = [*ARGUMENTS, *self._words, *self._world_words, *OPTIONS, *WORLD, *ANYWHERE]
             if hint := odd_space(name):
                 raise SceneError(f"unknown directive {_short(name)!r}{hint}", token.where)
@@ -151,6 +154,7 @@ class Reader:
                 return
         kind = self._syntax.string(token)
         parameters = self._syntax.parameters(token, self.builder.state.attributes.get(target, ()))
+        parameters.mean = self._mean_texture
         self._mean(parameters, lambda: handler(self.builder, kind, parameters))
 
     def _mean(self, parameters: Parameters, handle: Callable[[], None]) -> None:
@@ -186,8 +190,8 @@ class Reader:
     def _set_options(self) -> None:
         """Give each option its meaning: the last one of its name holds."""
         options, self._options = self._options, {}
-        for mean in options.values():
-            mean()
+        for set_option in options.values():
+            set_option()
 
     def _need_world(self, token: Token) -> None:
         if not self.builder.in_world:
@@ -228,7 +232,32 @@ class Reader:
         # pbrt makes images first, then numbers, then colours, so that a texture may name one that comes
         # behind it
         else:
-            self._late[type_].append(partial(self._attempt, token, make))
+            self._late[type_, name] = parameters, partial(self._attempt, token, make)
+
+    def _make_textures(self) -> None:
+        for type_ in ("float", "spectrum"):
+            for key in [key for key in self._late if key[0] == type_]:
+                if key in self._late:
+                    self._late.pop(key)[1]()
+
+    def _mean_texture(self, type_: str, name: str) -> Array | None:
+        """The mean of a texture, (3,), which is made now if it can be; None if it cannot."""
+        self._make_now(type_, name)
+        made = self.builder.textures.get((type_, name))
+        return None if made is None or made.value is None else mean(made.value)
+
+    def _make_now(self, type_: str, name: str) -> None:
+        """Make a texture that has been read, unless a part of it has not been by now."""
+        parameters, make = self._late.get((type_, name), (None, None))
+        if parameters is None or make is None:
+            return
+        for part in parameters.textures():
+            for of in ("float", "spectrum"):
+                self._make_now(of, part)
+        made = {known for _, known in self.builder.textures}
+        if all(part in made for part in parameters.textures()):
+            del self._late[type_, name]
+            make()
 
     def _import(self, token: Token) -> None:
         name = self._syntax.string(token)

@@ -19,6 +19,9 @@ from scenes.pbrt.text.parameters import SRGB, VERSION_3, Parameter, Parameters
 from scenes.pbrt.transforms import Transform, identity
 
 DEFAULT_REFLECTANCE = 0.5
+PROJECTION = (
+    "the last row of the matrix (each fourth number) must be 0 0 0 1: only an infinite light may have others"
+)
 COUNT_LIMIT = 1_000_000  # of shapes, of lights, of names: a few GB
 
 # pbrt-v4's radii of its filters where a file gives none, and its filter where a file names none.
@@ -193,10 +196,24 @@ class Builder:
         default_factory=dict[tuple[str, ...], Array]
     )  # `scenes.pbrt.directives.texels` fills it
 
-    def check_still(self, what: str, where: Location) -> None:
-        """Report `what` where it moves: it may be rendered as it stands when the shutter opens."""
+    @property
+    def moves(self) -> bool:
+        """Whether what is placed now moves while the shutter is open."""
         start, end = self.state.transform.matrix, self.state.end.matrix
-        if start is not end and not np.array_equal(start, end):
+        return start is not end and not np.array_equal(start, end)
+
+    def check_affine(self, where: Location) -> None:
+        """Unsupported where the transformation is a projection."""
+        if self.state.transform.projects:
+            raise Unsupported(PROJECTION, where)
+
+    def check_placed(self, what: str, where: Location) -> None:
+        """Report `what` where it moves: it may be rendered as it stands when the shutter opens.
+
+        Unsupported where the transformation is a projection.
+        """
+        self.check_affine(where)
+        if self.moves:
             self.report.substitute(f"{what} that moves", "as it stands at the start", where)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import cosdg, sindg  # pyright: ignore[reportMissingTypeStubs]
 
-from scenes.errors import Location, SceneError, Unsupported
+from scenes.errors import Location, SceneError
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,11 @@ class Transform:
     def flattens(self) -> bool:
         """Whether there is no inverse."""
         return bool(np.isnan(self.inverse[0, 0]))
+
+    @property
+    def projects(self) -> bool:
+        """Whether it is no affine map: then it turns directions, and places nothing."""
+        return bool(np.any(self.matrix[3, :3]))
 
     @property
     def swaps_handedness(self) -> bool:
@@ -136,21 +141,18 @@ def from_matrix(values: Sequence[float]) -> Transform:
     last number is 0.
     """
     matrix = np.array(values).reshape(4, 4).T + 0.0
-    if np.any(matrix[3, :3]):
-        raise Unsupported(
-            "the last row of the matrix (each fourth number) must be 0 0 0 1: projections are not supported"
-        )
     if matrix[3, 3] == 0:
         raise ValueError("the matrix has no inverse")
     matrix = np.asarray(matrix / matrix[3, 3], dtype=np.float64) + 0.0
-    linear = matrix[:3, :3]
-    if not np.any(matrix[:3, 3]) and np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:
+    linear, projects = matrix[:3, :3], bool(np.any(matrix[3, :3]))
+    if not projects and not np.any(matrix[:3, 3]) and np.abs(linear.T @ linear - np.eye(3)).max() <= ROUNDING:
         return Transform(matrix, matrix.T.copy())
     try:
         inverse = np.linalg.inv(matrix).astype(np.float64)
     except np.linalg.LinAlgError:
         return Transform(matrix, np.full((4, 4), np.nan))
-    inverse[3] = (0, 0, 0, 1)
+    if not projects:
+        inverse[3] = (0, 0, 0, 1)
     if not np.abs(_product(matrix, inverse) - np.eye(4)).max() <= INVERSE_TOLERANCE:
         inverse = np.full((4, 4), np.nan)  # none that can be computed
     return Transform(matrix, inverse)

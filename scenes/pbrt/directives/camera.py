@@ -42,7 +42,7 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Camera`: a projection, with or without a lens, under any invertible transformation."""
     if builder.state.transform.flattens:
         raise SceneError(FLAT, parameters.where)
-    builder.check_still("a camera", parameters.where)
+    builder.check_placed("a camera", parameters.where)
     if builder.state.media is not None:
         builder.media_used.append((replace(builder.state.media, inside=""), None))
     builder.camera = PerspectiveCamera(np.eye(4), 90.0)  # holds while the rest of a refused scene is read

@@ -50,6 +50,12 @@ def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
         )
         builder.report.remark(problem, parameters.where)
     check_room(builder.lights, "lights", parameters.where)
+    if kind != "infinite":  # which is turned alone
+        builder.check_affine(parameters.where)
+    if builder.moves:
+        builder.report.remark(
+            "a light does not move: it stands as at the start, as in pbrt", parameters.where
+        )
     builder.lights.append(_LIGHTS[kind](builder, parameters))
 
 

@@ -105,6 +105,7 @@ def bilinear_mesh(parameters: Parameters, placement: Placement) -> list[Geometry
     if parameters.vectors("normal", "N") is not None:
         parameters.unsupported("N", "normals of a bilinearmesh are not supported: leave them out")
     parameters.integers("faceIndices")
+    parameters.text("emissionfilename", "")  # pbrt samples by it, of no effect on the image
     return [_patches(vertices, faces, uv, parameters, placement, placement.turned)]
 
 
@@ -163,7 +164,7 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
     if not name.lower().endswith((".ply", ".ply.gz")):
         raise parameters.fail("filename", f"{name!r}: only .ply files, also as .ply.gz, are supported")
     if parameters.take("displacement", "texture") is not None:
-        parameters.unsupported("displacement", "displacement is not supported")
+        parameters.substitute("displacement", "displacement", "as the mesh without it")
     parameters.number("edgelength", parameters.number("displacement.edgelength", 1.0))  # of no effect without
     try:
         mesh = read_ply(parameters.resolve(name))

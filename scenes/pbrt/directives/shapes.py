@@ -49,7 +49,7 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
     """
     state = builder.state
     parameters.owner = kind
-    builder.check_still("a shape", parameters.where)
+    builder.check_placed("a shape", parameters.where)
     if state.media is not None:
         builder.media_used.append((state.media, builder.current_object))
     if is_interface(builder, state.material):
@@ -80,7 +80,7 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 def mesh_run(builder: Builder, run: MeshRun, where: Location) -> None:
     """Many meshes under one state as one shape, which reflects only; SceneError where it is too large."""
-    builder.check_still("a shape", where)
+    builder.check_placed("a shape", where)
     placement = Placement(builder.state.transform, builder.state.reverse, None)
     mesh = TriangleMesh(placement.transform.points(run.vertices), run.faces, placement.turned)
     problem = range_problem(mesh)

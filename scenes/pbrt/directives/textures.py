@@ -172,8 +172,6 @@ def _imagemap(maker: _Maker) -> Texture:
         wrap = "repeat"
     parameters.number("maxanisotropy", 8.0)  # of the filter that is not simulated
     scale, invert = parameters.number("scale", 1.0), parameters.flag("invert", False)
-    if scale < 0:
-        raise parameters.fail("scale", f"scale must not be negative: {scale:g}")
     colours = maker.type == "spectrum"
     image = _texels(maker, wrap, filter_)
     return ImageTexture(image, _mapping(parameters), wrap, _FILTERS[filter_], scale, invert, clamped=colours)

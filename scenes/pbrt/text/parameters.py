@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -27,8 +27,11 @@ SPELLINGS = {"point": "point3", "vector": "vector3", "normal3": "normal"}  # of 
 INT32_MAX = 2**31 - 1
 SRGB = "srgb"
 SPACES = (SRGB, "rec2020", "dci-p3", "aces2065-1")
-# What pbrt takes where it takes numbers or colours, and nothing here does but where it says so.
-OTHER_FORMS = {"texture": ("float", "rgb", "spectrum")}
+TEXTURED = (
+    "float",
+    "rgb",
+    "spectrum",
+)  # in whose place pbrt takes a texture, and its mean is a stand-in here
 # What pbrt-v4 reads and nothing here simulates. Given by an `Attribute`, where most that nobody reads is
 # meant for other kinds, it is
 # reported all the same wherever it would have an effect.
@@ -36,6 +39,7 @@ EFFECTIVE = ("normalmap", "displacement")
 
 T = TypeVar("T")
 Resolve = Callable[[str], Path]
+Mean = Callable[[str, str], Array | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,7 @@ class Parameters:
         self.resolve = resolve
         self._bindings = bindings
         self._report = report
-        self.refused: set[str] = set()  # names that were given in a form that is not supported
+        self.mean: Mean | None = None  # of a texture by its type and name, (3,), None where it is not known
         self._supported: list[str] = []
         self._given: dict[str, Parameter] = {}
         for item in items:
@@ -185,8 +189,8 @@ class Parameters:
         """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of
         these types.
 
-        Where a spectrum may stand, so may a blackbody. None too where it is of a form that pbrt would take,
-        which is then reported. An `Attribute` of another type is meant for others.
+        Where a spectrum may stand, so may a blackbody. A texture that pbrt would take is reported, its mean
+        being the stand-in, None where that is not known. An `Attribute` of another type is meant for others.
         """
         if "spectrum" in types and "blackbody" not in types:
             types = (*types, "blackbody")
@@ -196,12 +200,8 @@ class Parameters:
             if parameter.type in types:
                 return parameter
             allowed = " or ".join(f'"{type_} {name}"' for type_ in types)
-            if any(form in types for form in OTHER_FORMS.get(parameter.type, ())):
-                self._report.add(
-                    f"{parameter} of {self.owner} is not supported; supported: {allowed}", parameter.where
-                )
-                self.refused.add(name)
-                return None
+            if parameter.type == "texture" and any(form in types for form in TEXTURED):
+                return self._mean(parameter, types)
             if name in self._given:
                 raise SceneError(
                     f"{parameter} of {self.owner} must be declared as {allowed}", parameter.where
@@ -214,9 +214,32 @@ class Parameters:
         """
         self._unread.clear()
 
+    def textures(self) -> list[str]:
+        """The textures that are named."""
+        named = (item for item in self._given.values() if item.type == "texture")
+        return [token.text for item in named for token in item.values]
+
+    def _mean(self, parameter: Parameter, types: Sequence[str]) -> Parameter | None:
+        """A number or a colour in the place of a texture: its mean, None where it is not known by now."""
+        single = "float" in types
+        mean = None
+        if self.mean is not None and len(parameter.values) == 1:
+            mean = self.mean("float" if single else "spectrum", parameter.values.token(0).text)
+        nearest = "as its default" if mean is None else "as its mean"
+        self._report.substitute(f"{parameter} of {self.owner}", nearest, parameter.where)
+        if mean is None:
+            return None
+        token = parameter.values.token(0)
+        numbers = mean[:1] if single else mean
+        words = [replace(token, kind="word", text=repr(float(number))) for number in numbers]
+        return replace(parameter, type="float" if single else "rgb", values=Values(words), space=SRGB)
+
     def finish(self) -> None:
         """Report each parameter that nobody has read, saying what is supported."""
         for parameter in self._unread.values():
+            if parameter.name in EFFECTIVE:
+                self._report.substitute(f"{parameter} of {self.owner}", "without it", parameter.where)
+                continue
             supported = ", ".join(f'"{name}"' for name in dict.fromkeys(self._supported)) or "none"
             self._report.add(
                 f"{parameter} is not supported by {self.owner}; supported parameters: {supported}",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenes.description.lights import Environment
-from scenes.description.materials import Dielectric, Diffuse
+from scenes.description.materials import Conductor, Dielectric, Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import TriangleMesh
 from scenes.errors import PenumbraError, SceneError
@@ -370,3 +370,79 @@ def test_a_white_of_aces_is_white_on_a_surface_and_the_colour_of_its_white_as_a_
     xyz = np.array([0.32163, 0.33774, 1 - 0.32163 - 0.33774]) / 0.33774
     np.testing.assert_allclose(light.radiance, matrix @ xyz, atol=0.01)
     assert ["rec709" in note for note in strict('ColorSpace "rec709"').notes] == [True]
+
+
+PART = 'Texture "a" "float" "constant" "float value" .6 '
+
+
+def alpha(body: str) -> float:
+    """The roughness of a metal whose textures have stand-ins."""
+    scene = parse(f"{HEAD}{body}{BALL}", substitute=True)
+    material = scene.shapes[0].material
+    assert isinstance(material, Conductor)
+    assert len(scene.substitutions) == 1
+    return material.alpha
+
+
+@pytest.mark.parametrize(
+    ("textures", "expected"),
+    [
+        ('Texture "t" "float" "constant" "float value" .3\n', 0.3),
+        ('Texture "t" "float" "checkerboard" "float tex1" .2 "float tex2" .4\n', 0.3),
+        (f'{PART}Texture "t" "float" "scale" "texture tex" "a" "float scale" .5\n', 0.3),
+        # pbrt's default roughness is 0, a mirror; a texture that comes later is not known by then.
+        ("\n", 0.0),
+    ],
+)  # fmt: skip
+def test_a_texture_in_the_place_of_a_number_has_its_mean_for_a_stand_in(
+    textures: str, expected: float
+) -> None:
+    metal = 'Material "conductor" "texture roughness" "t" "bool remaproughness" false\n'
+    late = "" if "t" in textures else 'Texture "t" "float" "constant"\n'
+    world_fails(textures + metal + late, 2, 22, "texture roughness", "--substitute renders it as its")
+    assert alpha(textures + metal + late) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_mean_of_an_image_is_taken_as_pbrt_scales_it(tmp_path: Path) -> None:
+    write_exr(tmp_path / "r.exr", {name: np.array([[0.1, 0.3], [0.2, 0.6]]) for name in "RGB"})
+    image = 'Texture "t" "float" "imagemap" "string filename" "r.exr" "float scale" 2 '
+    metal = 'Material "conductor" "texture roughness" "t" "bool remaproughness" false '
+    (tmp_path / "main.pbrt").write_text(HEAD + image + metal + BALL)
+    material = parse_file(tmp_path / "main.pbrt", substitute=True).shapes[0].material
+    assert isinstance(material, Conductor)
+    assert material.alpha == pytest.approx(0.6, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "bumps", ['Texture "b" "float" "constant" Material "diffuse" "texture displacement" "b"',
+              'Material "diffuse" "string normalmap" "gone.png"'],
+)  # fmt: skip
+def test_bumps_are_left_out_where_that_may_be(bumps: str) -> None:
+    with pytest.raises(SceneError, match="--substitute renders it without it"):
+        world(bumps + BALL)
+    scene = parse(HEAD + bumps + BALL, substitute=True)
+    assert scene.content_hash() == world('Material "diffuse"' + BALL).content_hash()
+    assert len(scene.substitutions) == 1
+
+
+def test_an_infinite_light_may_stand_under_a_projection_which_turns_nothing(tmp_path: Path) -> None:
+    """pbrt looks a direction up by the inverse's upper left part alone, which is that of the affine map."""
+    write_exr(tmp_path / "sky.exr", {name: np.arange(4.0).reshape(2, 2) for name in "RGB"})
+    main, sky_ = tmp_path / "main.pbrt", 'LightSource "infinite" "string filename" "sky.exr"'
+    main.write_text(f"{HEAD}ConcatTransform [ 0 0 -1 0  -1 0 0 0  0 1 0 8.87  0 0 0 1 ] {sky_}")
+    projected = parse_file(main, strict=True)
+    main.write_text(f"{HEAD}ConcatTransform [ 0 0 -1 0  -1 0 0 0  0 1 0 0  0 0 0 1 ] {sky_}")
+    assert projected.content_hash() == parse_file(main).content_hash()
+    for what in (BALL, 'LightSource "point"', 'ObjectBegin "o" ObjectEnd ObjectInstance "o"'):
+        with pytest.raises(SceneError, match="0 0 0 1: only an infinite light"):
+            world(f"ConcatTransform [ 1 0 0 1  0 1 0 0  0 0 1 0  0 0 0 1 ] {what}")
+
+
+def test_lights_do_not_move_as_in_pbrt() -> None:
+    scene = strict(f'{MOVE}LightSource "point"')
+    assert scene.content_hash() == world('LightSource "point"').content_hash()
+    assert ["does not move" in note for note in scene.notes] == [True]
+
+
+def test_a_world_that_ends_is_of_an_older_pbrt() -> None:
+    world_fails(f"{BALL}WorldEnd", 2, 1, "WorldEnd is of pbrt-v3", "--upgrade")

@@ -144,7 +144,7 @@ def test_uniform_scale_tells_similarities_from_stretching() -> None:
         ('Transform [ 1 0 0 0  2 0 0 0  0 0 1 0  0 0 0 1 ] Shape "disk"', 50, ("inverse",)),
         ('Transform [ 1 2 3 0  4 5 6 0  7 8 9 0  0 0 0 1 ] Shape "disk"', 50, ("inverse",)),
         ("Transform [ 1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 0 ]", 1, ("inverse",)),
-        ("Transform [ 1 0 0 0  0 1 0 0  0 0 1 1  0 0 0 1 ]", 1, ("0 0 0 1",)),
+        ('Transform [ 1 0 0 0  0 1 0 0  0 0 1 1  0 0 0 1 ] Shape "sphere"', 50, ("0 0 0 1",)),
         ("Transform [ 1 0 0 0 ]", 1, ("16 numbers, not 4",)),
         ("Transform 1 0 0 0", 11, ("brackets",)),
         ("Translate 1 2", 1, ("3 numbers",)),

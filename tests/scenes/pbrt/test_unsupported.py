@@ -105,7 +105,6 @@ def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, pr
         'Material "conductor" "texture roughness" "r"',
         'Material "conductor" "texture eta" "r" "float roughness" .1',
         'Material "conductor" "texture reflectance" "r" "float roughness" .1',
-        "ConcatTransform [ 1 0 0 .5 0 1 0 0 0 0 1 0 0 0 0 1 ]",
         'AreaLightSource "diffuse" "string filename" "sky.exr" ' + TRIANGLE,
     ],
 )

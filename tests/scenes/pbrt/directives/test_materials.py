@@ -120,7 +120,7 @@ def test_named_conductors() -> None:
 '[ 1 1 1 ]'), 42, ("not both",)),
         ('Material "conductor" "float roughness" 1 "rgb eta" [ 0 1 1 ]', 42, ("eta must be positive",)),
         ('Material "conductor" "float roughness" 1 "spectrum eta" "metal-Xx-eta"', 42, ("metal-Xx-eta",)),
-        ('Material "conductor" "texture roughness" "t"', 22, ('"texture roughness"', '"float roughness"')),
+        ('Material "conductor" "texture roughness" "t"', 22, ('"texture roughness"', "--substitute")),
         ('Material "diffuse" "texture displacement" "t"', 20, ('"texture displacement"', "not supported")),
         ('Material "diffuse" "string normalmap" "t.png"', 20, ('"string normalmap"',)),
         ('MakeNamedMaterial "m" "string type" "hair"', 1, ('"hair"',)),

@@ -236,7 +236,6 @@ def test_gray_images_and_images_of_numbers(tmp_path: Path) -> None:
         ('Texture "t" "spectrum" "imagemap"', 1, ('"string filename"',)),
         ('Texture "t" "spectrum" "imagemap" "string filename" "gone.png"', 35, ("gone.png", "no such image")),
         ('Texture "t" "spectrum" "imagemap" "string filter" "sharp"', 35, ("sharp", "bilinear")),
-        ('Texture "t" "spectrum" "imagemap" "float scale" -1', 35, ("negative",)),
         (USE + 'Shape "sphere"', 20, ("no spectrum texture is called 't'",)),
         ('Texture "t" "float" "constant" ' + USE + 'Shape "sphere"', 51, (("no spectrum texture is "
 "called 't'"),)),
