@@ -1,4 +1,4 @@
-"""Textures by their coordinates: constants, images, checkerboards, and what is made of them, as pbrt-v4
+"""Textures by their coordinates: constants, images, patterns, noise, and what is made of them, as pbrt-v4
 defines them.
 
 There is no prefiltering: what varies within a pixel is averaged by the pixel's samples [pharr2023, sec.
@@ -7,56 +7,155 @@ There is no prefiltering: what varies within a pixel is averaged by the pixel's 
 
 from __future__ import annotations
 
-from functools import singledispatch
+from dataclasses import dataclass
+from functools import cached_property, singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.math.vectors import Floats
-from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
+from renderer.math.noise import fbm, noise, turbulence
+from renderer.math.vectors import Floats, dot
+from renderer.records import SurfaceHit
+from renderer.spherical.octahedral import wrapped_texels
+from scenes.description.textures import (
+    Bilerp,
+    Checkerboard,
+    CylindricalMapping,
+    DirectionMix,
+    Dots,
+    ImageTexture,
+    Marble,
+    Mix,
+    NoiseTexture,
+    PlanarMapping,
+    PointMapping,
+    Product,
+    SphericalMapping,
+    Texture,
+    UVMapping,
+)
 
 Integers = NDArray[np.int64]
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Some rows (n,) of points on surfaces, of which a texture takes what it needs."""
+
+    hit: SurfaceHit
+    rows: Integers
+
+    @cached_property
+    def uv(self) -> Floats:
+        """(2, n)"""
+        return self.hit.uv.take(self.rows, axis=1)
+
+    @cached_property
+    def p(self) -> Floats:
+        """(3, n)"""
+        return self.hit.p.take(self.rows, axis=1)
+
+    @cached_property
+    def n(self) -> Floats:
+        """(3, n)"""
+        return self.hit.n.take(self.rows, axis=1)
+
+
 @singledispatch
-def evaluate(texture: Texture, uv: Floats) -> Floats:
-    """The values (3, n) of a texture at uv (2, n)."""
+def evaluate(texture: Texture, at: Places) -> Floats:
+    """The values (3, n) of a texture."""
     raise TypeError(f"no values of a {type(texture).__name__} are known")
 
 
 @evaluate.register
-def _(texture: np.ndarray, uv: Floats) -> Floats:
-    return np.repeat(texture.astype(np.float64)[:, None], uv.shape[1], axis=1)
+def _(texture: np.ndarray, at: Places) -> Floats:
+    return np.repeat(texture.astype(np.float64)[:, None], at.rows.size, axis=1)
 
 
 @evaluate.register
-def _(texture: Product, uv: Floats) -> Floats:
-    return evaluate(texture.first, uv) * evaluate(texture.second, uv)
+def _(texture: Product, at: Places) -> Floats:
+    return evaluate(texture.first, at) * evaluate(texture.second, at)
 
 
 @evaluate.register
-def _(texture: Mix, uv: Floats) -> Floats:
-    amount = evaluate(texture.amount, uv)
-    return (1.0 - amount) * evaluate(texture.first, uv) + amount * evaluate(texture.second, uv)
+def _(texture: Mix, at: Places) -> Floats:
+    amount = evaluate(texture.amount, at)
+    return (1.0 - amount) * evaluate(texture.first, at) + amount * evaluate(texture.second, at)
 
 
 @evaluate.register
-def _(texture: Checkerboard, uv: Floats) -> Floats:
-    s, t = _mapped(texture.mapping, uv)
-    even = (np.floor(s) + np.floor(t)) % 2 == 0
-    return np.where(even, evaluate(texture.first, uv), evaluate(texture.second, uv))
+def _(texture: Checkerboard, at: Places) -> Floats:
+    even = np.floor(coordinates(texture.mapping, at)).sum(axis=0) % 2 == 0
+    return np.where(even, evaluate(texture.first, at), evaluate(texture.second, at))
 
 
 @evaluate.register
-def _(texture: ImageTexture, uv: Floats) -> Floats:
-    s, t = _mapped(texture.mapping, uv)
+def _(texture: ImageTexture, at: Places) -> Floats:
+    s, t = coordinates(texture.mapping, at)
     look = bilinear if texture.filter == "bilinear" else nearest
     return texture.value(look(texture.image, np.stack([s, 1.0 - t]), texture.wrap))
 
 
+@evaluate.register
+def _(texture: DirectionMix, at: Places) -> Floats:
+    amount = np.abs(dot(at.n, texture.direction[:, None]))
+    return amount * evaluate(texture.first, at) + (1.0 - amount) * evaluate(texture.second, at)
+
+
+@evaluate.register
+def _(texture: Bilerp, at: Places) -> Floats:
+    s, t = coordinates(texture.mapping, at)
+    left, right = (
+        (1.0 - t) * low[:, None] + t * high[:, None]
+        for low, high in ((texture.v00, texture.v01), (texture.v10, texture.v11))
+    )
+    return (1.0 - s) * left + s * right
+
+
+@evaluate.register
+def _(texture: Dots, at: Places) -> Floats:
+    return np.where(
+        _in_dot(coordinates(texture.mapping, at)),
+        evaluate(texture.within, at),
+        evaluate(texture.around, at),
+    )
+
+
+RADIUS = 0.35  # of a dot, in cells
+
+
+def _in_dot(st: Floats) -> NDArray[np.bool_]:
+    """(n,): whether points (2, n) lie in the dot of their cell, if it has one."""
+    cell = np.floor(st + 0.5)
+
+    def random(s: float, t: float) -> Floats:
+        return noise(np.stack([cell[0] + s, cell[1] + t, np.full(cell.shape[1], 0.5)]))
+
+    shift = (0.5 - RADIUS) * np.stack([random(1.5, 2.8), random(4.5, 9.8)])
+    off = st - (cell + shift)
+    return (random(0.5, 0.5) > 0) & (off[0] * off[0] + off[1] * off[1] < RADIUS * RADIUS)
+
+
+@evaluate.register
+def _(texture: NoiseTexture, at: Places) -> Floats:
+    p = coordinates(texture.mapping, at)
+    if texture.kind == "windy":
+        value = np.abs(fbm(0.1 * p, 0.5, 3)) * fbm(p, 0.5, 6)
+    else:
+        value = (fbm if texture.kind == "fbm" else turbulence)(p, texture.roughness, texture.octaves)
+    return np.repeat(value[None], 3, axis=0)
+
+
+@evaluate.register
+def _(texture: Marble, at: Places) -> Floats:
+    p = coordinates(texture.mapping, at) * texture.scale
+    phase = p[1] + texture.variation * fbm(p, texture.roughness, texture.octaves)
+    return texture.color(0.5 + 0.5 * np.sin(phase))
+
+
 @singledispatch
 def brightest(texture: Texture) -> Floats:
-    """(3,) no value of the texture is above this."""
+    """(3,) no value of the texture is above this; of noise, no absolute value. 0 only where all is black."""
     raise TypeError(f"no bound of a {type(texture).__name__} is known")
 
 
@@ -71,8 +170,30 @@ def _(texture: Product) -> Floats:
 
 
 @brightest.register
-def _(texture: Checkerboard | Mix) -> Floats:
+def _(texture: Checkerboard | Mix | DirectionMix) -> Floats:
     return np.maximum(brightest(texture.first), brightest(texture.second))
+
+
+@brightest.register
+def _(texture: Dots) -> Floats:
+    return np.maximum(brightest(texture.around), brightest(texture.within))
+
+
+@brightest.register
+def _(texture: Bilerp) -> Floats:
+    """Outside of [0, 1]^2 it goes on rising, as far as coordinates go: to 1e18 each."""
+    corners = np.abs([texture.v00, texture.v01, texture.v10, texture.v11]).max(axis=0)
+    return corners * 1e37
+
+
+@brightest.register
+def _(texture: NoiseTexture) -> Floats:
+    return np.full(3, 1.5 * float(np.abs(texture.heights).sum()))
+
+
+@brightest.register
+def _(texture: Marble) -> Floats:
+    return texture.colors.max(axis=0)
 
 
 @brightest.register
@@ -83,8 +204,45 @@ def _(texture: ImageTexture) -> Floats:
     return np.maximum(texture.value(least), texture.value(image.max(axis=(0, 1))))
 
 
-def _mapped(mapping: UVMapping, uv: Floats) -> tuple[Floats, Floats]:
-    return mapping.su * uv[0] + mapping.du, mapping.sv * uv[1] + mapping.dv
+@singledispatch
+def coordinates(mapping: UVMapping | PointMapping, at: Places) -> Floats:
+    """(s, t) (2, n) of a texture in two dimensions, or the point (3, n) of one in three."""
+    raise TypeError(f"no coordinates by a {type(mapping).__name__} are known")
+
+
+@coordinates.register
+def _(mapping: UVMapping, at: Places) -> Floats:
+    return np.stack([mapping.su * at.uv[0] + mapping.du, mapping.sv * at.uv[1] + mapping.dv])
+
+
+@coordinates.register
+def _(mapping: PointMapping, at: Places) -> Floats:
+    return _in_texture(mapping, at)
+
+
+@coordinates.register
+def _(mapping: SphericalMapping, at: Places) -> Floats:
+    x, y, z = _in_texture(mapping, at)
+    return np.stack([np.arctan2(np.sqrt(x * x + y * y), z) / np.pi, np.arctan2(y, x) / (2 * np.pi) % 1.0])
+
+
+@coordinates.register
+def _(mapping: CylindricalMapping, at: Places) -> Floats:
+    x, y, z = _in_texture(mapping, at)
+    return np.stack([0.5 + np.arctan2(y, x) / (2 * np.pi), z])
+
+
+@coordinates.register
+def _(mapping: PlanarMapping, at: Places) -> Floats:
+    p = _in_texture(mapping, at)
+    s, t = dot(p, mapping.v1[:, None]), dot(p, mapping.v2[:, None])
+    return np.stack([s + mapping.udelta, t + mapping.vdelta])
+
+
+def _in_texture(mapping: PointMapping, at: Places) -> Floats:
+    """The points (3, n) in the texture's own space."""
+    rows = np.linalg.inv(mapping.from_texture)[:3]
+    return np.stack([dot(row[:3, None], at.p) + row[3] for row in rows])
 
 
 def nearest(image: Floats, st: Floats, wrap: str) -> Floats:
@@ -111,8 +269,12 @@ def bilinear(image: Floats, st: Floats, wrap: str) -> Floats:
 
 
 def _texels(image: Floats, row: Integers, column: Integers, wrap: str) -> Floats:
-    """Texels (3, n), those outside the image as `wrap` has it: "repeat", "clamp" or "black"."""
+    """Texels (3, n), those outside the image as `wrap` has it: "repeat", "clamp", "black" or
+    "octahedralsphere".
+    """
     height, width, _ = image.shape
+    if wrap == "octahedralsphere":
+        column, row = wrapped_texels(column, row, width)
     if wrap == "repeat":
         r, c = row % height, column % width
     else:

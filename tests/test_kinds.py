@@ -42,6 +42,9 @@ TABLE = [
     Kind("portal", ("PortalLight", "PortalLights"), ("portal",), 5),
     Kind("conductor", ("Conductor", "Conductors"), ("conductor",), 4),
     Kind("checkerboard", ("Checkerboard",), ("checkerboard",), 4),
+    Kind("marble", ("Marble",), ("marble",), 3),
+    Kind("noise", ("NoiseTexture",), ("wrinkled",), 3),
+    Kind("dots", ("Dots",), ("dots",), 3),
     Kind("disk", ("Disk", "DiskLights"), ("disk",), 7),
     Kind("quadric", ("Quadric", "QuadricLights"), ("quadric",), 7),
     *(Kind(f"scene {name}", (), (name,), 1) for name in SCENES),
@@ -61,6 +64,9 @@ USES = {
         "renderer/materials/coated.py": "the examples lay a coat over one",
     },
     "checkerboard": {},
+    "marble": {},
+    "noise": {},
+    "dots": {},
     "disk": {
         "renderer/geometry/quadrics.py": "the form of a quadric, whose parts and affine images it holds",
         "renderer/lights/quadric.py": "the whole one in object space, whose directions a part's light draws",
@@ -207,7 +213,17 @@ FAMILIES = {
     },
     "materials": {"Diffuse", "Conductor", "Dielectric", "Coated"},
     "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk", "Quadric"},
-    "textures": {"ImageTexture", "Checkerboard", "Product", "Mix"},
+    "textures": {
+        "ImageTexture",
+        "Checkerboard",
+        "Product",
+        "Mix",
+        "DirectionMix",
+        "Bilerp",
+        "Dots",
+        "NoiseTexture",
+        "Marble",
+    },
 }
 # Functions that tell two kinds of a family apart outside the kinds' own modules: why each one may.
 LADDERS = {"scenes/pbrt/directives/emission.py": "a rectangle with an image is written as either mesh"}

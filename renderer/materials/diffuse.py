@@ -11,7 +11,7 @@ from renderer.interfaces.material import LAMBERTIAN, MATERIALS, Lobes, MaterialE
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.math.warp import cosine_hemisphere
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.textures import brightest, evaluate
+from renderer.textures import Places, brightest, evaluate
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import ShapeDescription, Sphere
 from scenes.description.textures import Texture
@@ -56,7 +56,7 @@ class DiffuseMaterials:
             rows = np.flatnonzero(hit.shape == shape)
             if rows.size:
                 # What is scaled may exceed 1; pbrt clamps it too.
-                value[:, rows] = np.clip(evaluate(texture, hit.uv.take(rows, axis=1)), 0.0, 1.0) / np.pi
+                value[:, rows] = np.clip(evaluate(texture, Places(hit, rows)), 0.0, 1.0) / np.pi
         return value * (dot(wi, hit.ns) > 0)
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:

@@ -80,12 +80,12 @@ def bilinear_on_sphere(image: Floats, w: Floats) -> Floats:
     out = np.zeros_like(w)
     for j, share_down in ((0, 1.0 - down), (1, down)):
         for i, share in ((0, 1.0 - right), (1, right)):
-            column, row = _wrapped(low[0] + i, low[1] + j, size)
+            column, row = wrapped_texels(low[0] + i, low[1] + j, size)
             out += (share * share_down) * image[row, column].T
     return out
 
 
-def _wrapped(
+def wrapped_texels(
     column: NDArray[np.int64], row: NDArray[np.int64], size: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The texel that a column and a row, one beyond the image at most, stand for."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.textures import ColorMap, Texture, map_colors, mean
+from scenes.description.textures import ColorMap, Texture, map_colors, mean, needs_uv
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ class Diffuse:
     @property
     def needs_uv(self) -> bool:
         """Whether it matters how texture coordinates lie on the surface."""
-        return not isinstance(self.reflectance, np.ndarray)
+        return needs_uv(self.reflectance)
 
     @property
     def mean_alpha(self) -> None:

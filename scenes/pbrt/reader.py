@@ -226,7 +226,12 @@ class Reader:
         except SceneError as problem:
             self._problem = self._problem or problem
             return
-        make = partial(self._mean, parameters, lambda: texture(self.builder, name, type_, kind, parameters))
+        transform = self.builder.state.transform
+
+        def one() -> None:
+            texture(self.builder, name, type_, kind, parameters, transform)
+
+        make = partial(self._mean, parameters, one)
         if kind == "imagemap":
             make()
         # pbrt makes images first, then numbers, then colours, so that a texture may name one that comes

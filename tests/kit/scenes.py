@@ -11,6 +11,7 @@ from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION
 from renderer.interfaces.sampler import SAMPLERS
 from renderer.plan.plan import make_plan, plan_occlusion
 from renderer.records import SurfaceHit
+from renderer.textures import Places
 from scenes.description.lights import Light, PointLight, SpotLight
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
@@ -131,3 +132,11 @@ def box(center, half: float, material: Diffuse = GRAY) -> ShapeDescription:
         [1, 7, 3],
     ]
     return ShapeDescription(TriangleMesh(np.array(center, dtype=float) + corner, np.array(faces)), material)
+
+
+def places(uv: np.ndarray, p: np.ndarray | None = None, n: np.ndarray | None = None) -> Places:
+    """Points of which only uv (2, n), and where given their place and normal (3, n), are known."""
+    count = uv.shape[1]
+    at, unknown = np.zeros(count, dtype=np.int64), np.full((3, count), np.nan)
+    hit = SurfaceHit(*(unknown if v is None else v for v in (p, n)), unknown, at, at, at, uv)
+    return Places(hit, np.arange(count))

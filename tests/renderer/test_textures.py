@@ -16,7 +16,7 @@ from scenes.description.materials import Diffuse
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, UVMapping
 from scenes.errors import SceneError
-from tests.kit.scenes import floor, light, scene
+from tests.kit.scenes import floor, light, places, scene
 
 RED, GREEN = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.6, 0.1])
 QUAD = np.array([[-1.0, 0, -1], [1, 0, -1], [-1, 0, 1], [1, 0, 1]])  # p00 p10 p01 p11: u along x, v along z
@@ -25,7 +25,7 @@ FOUR = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0.0]]]) * 0.5
 
 
 def at(texture, *uv):
-    return evaluate(texture, np.array(uv, dtype=float).T).T
+    return evaluate(texture, places(np.array(uv, dtype=float).T)).T
 
 
 def test_images_have_their_first_row_at_v_1():

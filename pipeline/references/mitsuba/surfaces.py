@@ -111,7 +111,8 @@ def _diffuse(tree: _Tree, to_uv: Array) -> Plugin:
 
 
 def _image(texture: ImageTexture, to_uv: Array) -> Plugin:
-    return bitmap(texture.image, texture.mapping, texture.wrap, texture.filter, to_uv)
+    mapping = _uv_mapping(texture, None)
+    return bitmap(texture.image, mapping, texture.wrap, texture.filter, to_uv)
 
 
 def _weight(weight: float | ImageTexture | UVMapping, to_uv: Array) -> float | Plugin:
@@ -137,8 +138,18 @@ def _(texture: np.ndarray, where: Location | None) -> _Tree:
     return texture
 
 
+def _uv_mapping(texture: ImageTexture | Checkerboard, where: Location | None) -> UVMapping:
+    """The texture's mapping; SceneError where it is none of texture coordinates."""
+    if not isinstance(texture.mapping, UVMapping):
+        raise SceneError(f"Mitsuba has no counterpart of a {type(texture.mapping).__name__}", where)
+    return texture.mapping
+
+
 @_expand.register
 def _(texture: ImageTexture, where: Location | None) -> _Tree:
+    _uv_mapping(texture, where)
+    if texture.wrap == "octahedralsphere":
+        raise SceneError('Mitsuba has no counterpart of the wrap "octahedralsphere"', where)
     plain = texture.plain()
     if plain is None:
         raise SceneError(
@@ -151,7 +162,8 @@ def _(texture: ImageTexture, where: Location | None) -> _Tree:
 
 @_expand.register
 def _(texture: Checkerboard, where: Location | None) -> _Tree:
-    return _blend(_expand(texture.first, where), _expand(texture.second, where), texture.mapping)
+    first, second = _expand(texture.first, where), _expand(texture.second, where)
+    return _blend(first, second, _uv_mapping(texture, where))
 
 
 @_expand.register

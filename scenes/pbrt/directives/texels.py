@@ -89,6 +89,11 @@ def _found(
         _check_colours(parameters, header.chromaticities)
     size = header.height, header.width
     new = size if wrap is None else (rounded_up(header.height), rounded_up(header.width))
+    if wrap == "octahedralsphere" and (new != size or header.width != header.height):
+        raise parameters.fail(
+            "wrap",
+            f'wrap "{wrap}" takes a square image whose side is a power of two, not {size[1]} x {size[0]}',
+        )
     wrap = None if new == size else wrap
     key = (str(header.path.resolve()), encoding, wrap or "", filter_)
     if key in builder.images:

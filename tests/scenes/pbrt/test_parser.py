@@ -111,7 +111,7 @@ def test_shapes_know_where_they_stand() -> None:
             3,
             ('LightSource "laser"', '"infinite", "distant"'),
         ),
-        ('\nTexture "t" "float" "wrinkled"', 2, 1, ("not supported", '"imagemap"')),
+        ('\nTexture "t" "float" "clouds"', 2, 1, ("not supported", '"imagemap"')),
         ('Attribute "camera" "float fov" 1', 1, 1, ('"camera"', "shape, light")),
         ("Shapes", 1, 1, ("unknown directive 'Shapes'", "Shape")),
         ("worldend", 1, 1, ("unknown directive",)),

@@ -26,7 +26,7 @@ MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5
 NamedMaterial "glass"
 Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float wobble" 3
 Shape "curve" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
-Texture "rust" "spectrum" "fbm"
+Texture "rust" "spectrum" "clouds"
 Material "diffuse" "texture reflectance" "rust"
 Shape "paraboloid"
 MediumInterface "fog" ""
@@ -148,7 +148,6 @@ def test_a_bad_value_hides_nothing_behind_it() -> None:
         ('Attribute "material" "texture displacement" "t" MakeNamedMaterial "m" "string type" "diffuse"', 22),
         ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
         ('Attribute "material" "texture roughness" "r" Material "conductor"', 22),
-        ('Attribute "texture" "string mapping" "planar" Texture "t" "float" "checkerboard"', 21),
     ],
 )
 def test_what_an_attribute_asks_for_is_named_where_it_says_so(text: str, column: int, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from renderer.textures import evaluate
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product
 from scenes.images.exr import write_exr
 from tests.kit.scene_texts import world_fails
+from tests.kit.scenes import places
 from tests.scenes.pbrt.directives.test_textures import BYTES, constant, texture_of, write_image
 
 
@@ -66,7 +67,7 @@ def test_only_what_is_a_constant_to_pbrt_goes_into_the_image(
         ),
         tmp_path,
     )
-    np.testing.assert_allclose(evaluate(scaled, np.array([[0.5], [0.5]])), value, rtol=1e-6)
+    np.testing.assert_allclose(evaluate(scaled, places(np.array([[0.5], [0.5]]))), value, rtol=1e-6)
 
 
 def test_a_constant_factor_is_the_image_s_own_as_in_pbrt(tmp_path: Path) -> None:

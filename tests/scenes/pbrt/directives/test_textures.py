@@ -222,7 +222,12 @@ def test_gray_images_and_images_of_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "column", "words"),
     [
-        ('Texture "t" "spectrum" "fbm"', 1, ('Texture "fbm"', '"checkerboard"')),
+        ('Texture "t" "spectrum" "clouds"', 1, ('Texture "clouds"', '"checkerboard"')),
+        ('Texture "t" "spectrum" "fbm"', 1, ('is of type "float"',)),
+        ('Texture "t" "float" "marble"', 1, ('is of type "spectrum"',)),
+        ('Texture "t" "float" "fbm" "integer octaves" -1', 27, ("between 0 and 64",)),
+        ('Texture "t" "float" "directionmix" "vector3 dir" [ 0 0 0 ]', 36, ("zero vector",)),
+        ('Texture "t" "float" "ptex" "string filename" "a.ptx"', 1, ('Texture "ptex"', "substitute")),
         ('Texture "t" "color" "constant"', 1, ('"float" or "spectrum"', '"color"')),
         ('Texture "t" "spectrum"', 1, ("quoted string",)),
         ('Texture "t" "float" "constant" Texture "t" "float" "scale"', 32, ("made twice",)),
@@ -231,8 +236,8 @@ def test_gray_images_and_images_of_numbers(tmp_path: Path) -> None:
         ('Texture "t" "spectrum" "scale" "texture tex" "gone"', 32, ("texture is called 'gone'", "none")),
         # a texture inside itself is not there yet
         ('Texture "t" "float" "scale" "texture scale" "t"', 29, ("'t'",)),
-        ('Texture "t" "spectrum" "checkerboard" "integer dimension" 3', 39, ("dimension 3",)),
-        ('Texture "t" "spectrum" "checkerboard" "string mapping" "spherical"', 39, ('"spherical"', '"uv"')),
+        ('Texture "t" "spectrum" "checkerboard" "integer dimension" 4', 39, ("dimension 2 or 3",)),
+        ('Texture "t" "spectrum" "checkerboard" "string mapping" "cube"', 39, ('"cube"', "uv")),
         ('Texture "t" "spectrum" "imagemap"', 1, ('"string filename"',)),
         ('Texture "t" "spectrum" "imagemap" "string filename" "gone.png"', 35, ("gone.png", "no such image")),
         ('Texture "t" "spectrum" "imagemap" "string filter" "sharp"', 35, ("sharp", "bilinear")),
@@ -247,9 +252,9 @@ def test_textures_that_cannot_be_are_refused_where_they_stand(
     world_fails(body, 1, column, *words)
 
 
-def test_lookups_that_are_not_simulated(tmp_path: Path) -> None:
+def test_an_octahedron_of_texels_is_square(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png", BYTES)
-    with pytest.raises(SceneError, match="octahedralsphere"):
+    with pytest.raises(SceneError, match=r"octahedralsphere.*square"):
         image_of(tmp_path, '"string wrap" "octahedralsphere"')
 
 
