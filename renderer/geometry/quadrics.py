@@ -95,7 +95,7 @@ def _there(form: str, part: Part, p: Floats) -> NDArray[np.bool_]:
 
 
 def _angle(p: Floats) -> Floats:
-    phi = np.arctan2(p[1], p[0])
+    phi: Floats = np.arctan2(p[1], p[0])
     return np.where(phi < 0, phi + FULL_TURN, phi)
 
 

@@ -26,7 +26,7 @@ from scenes.ply.text import read_numbers
 
 TEXT_LIMIT = 2**28  # bytes of an ASCII file, whose numbers take up to four times as many
 SMALL = 2**16  # bytes
-CORNERS = 4  # of a face, at most
+CORNERS = 64  # of a face, at most; those of more than four are left out
 
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
 _POINT = ("x", "y", "z")
@@ -38,7 +38,8 @@ _UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "textur
 class MeshFile:
     """vertices: (m, 3) float64. triangles: (t, 3), quads: (q, 4) int64, corners in order round the face.
 
-    normals: (m, 3), NaN where not finite, uv: (m, 2) float64, None where the file has none.
+    normals: (m, 3), NaN where not finite, uv: (m, 2) float64, None where the file has none. left_out: the
+    number of faces of other counts of corners, which pbrt leaves out too.
     """
 
     vertices: NDArray[np.float64]
@@ -46,13 +47,14 @@ class MeshFile:
     quads: NDArray[np.int64]
     normals: NDArray[np.float64] | None = None
     uv: NDArray[np.float64] | None = None
+    left_out: int = 0
 
 
 def read_ply(path: Path) -> MeshFile:
     """Read a PLY file, ASCII or binary, also compressed (.gz); PenumbraError if it is damaged, or holds what
     is not supported.
 
-    Not supported are faces of five corners and more, which pbrt drops, ASCII files of more than TEXT_LIMIT
+    Not supported are ASCII files of more than TEXT_LIMIT
     bytes and others of more than FILE_LIMIT. A header that promises more than the file holds costs no more
     time or memory than what is there. Small files, which scenes name by the thousand, are read once.
     """
@@ -98,7 +100,9 @@ def _read(path: Path) -> MeshFile:
     normals, uv = _columns(vertices, _NORMALS), _columns(vertices, *_UV)
     if normals is not None:  # a face with such a corner is shaded by its own normal
         normals = np.where(np.isfinite(normals), normals, np.nan)
-    return _checked(MeshFile(points, *_faces(faces), normals, uv))
+    triangles, quads = _faces(faces)
+    left_out = faces.element.count - len(triangles) - len(quads)
+    return _checked(MeshFile(points, triangles, quads, normals, uv, left_out))
 
 
 def _content(header: Header, head: bytes, path: Path) -> tuple[memoryview, int]:
@@ -149,11 +153,8 @@ def _corners(faces: Element) -> Property:
 
 def _check_corners(faces: Element, row: int, lengths: tuple[int, ...]) -> None:
     corners = lengths[faces.lists.index(_corners(faces))]
-    if corners not in (3, 4):
-        raise PlyError(
-            "has faces that are neither triangles nor quadrilaterals, which pbrt leaves out: "
-            f"triangulate it (face {row} has {corners} corners)"
-        )
+    if corners > CORNERS:
+        raise PlyError(f"has a face of {corners} corners, more than {CORNERS} (face {row}): triangulate it")
 
 
 def _faces(faces: Rows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.shapes import BilinearMesh, Geometry, TriangleMesh, cross_product
-from scenes.errors import PenumbraError, SceneError, Unsupported
+from scenes.description.shapes import BilinearMesh, Geometry, TriangleMesh, halves
+from scenes.errors import PenumbraError, SceneError
+from scenes.pbrt.directives.patches import curved, patch_problem, refined
 from scenes.pbrt.state import AreaLight
 from scenes.pbrt.text.numbers import Values
 from scenes.pbrt.text.parameters import Parameters
@@ -17,7 +18,6 @@ from scenes.ply.mesh import read_ply
 
 Array = NDArray[np.float64]
 
-PLANE_TOLERANCE = 1e-6  # of a patch's diameter: text of seven digits, or float32
 NORMAL_TOLERANCE = 1e-4  # of the components of a unit normal that says no more than the face does
 
 
@@ -39,13 +39,10 @@ def triangle_mesh(parameters: Parameters, placement: Placement) -> list[Geometry
     """`Shape "trianglemesh"`."""
     vertices, faces = indexed(parameters, corners=3)
     uv = _uv(parameters, len(vertices))
-    given = parameters.vectors("normal", "N")
+    given = _normals(parameters, len(vertices))
     parameters.vectors("vector3", "S")  # tangents; what is isotropic does not depend on them
     parameters.integers("faceIndices")  # for textures that are not supported
     world = placement.transform.points(vertices)
-    if given is not None and len(given) != len(vertices):
-        parameters.remark("N", f"{len(given)} normals for {len(vertices)} points: none is taken, as in pbrt")
-        given = None
     if given is None:
         return [TriangleMesh(world, faces, placement.turned, uv)]
     reverse, normals = _sides_and_normals(vertices, faces, given, placement, parameters, "N")
@@ -99,61 +96,48 @@ def emitting_side(corners: Array, normals: Array, turned: bool, parameters: Para
 
 
 def bilinear_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
-    """`Shape "bilinearmesh"` of planar patches."""
+    """`Shape "bilinearmesh"`."""
     vertices, faces = indexed(parameters, corners=4)
-    uv = _uv(parameters, len(vertices))
-    if parameters.vectors("normal", "N") is not None:
-        parameters.unsupported("N", "normals of a bilinearmesh are not supported: leave them out")
+    uv, turned = _uv(parameters, len(vertices)), placement.turned
+    normals = _normals(parameters, len(vertices))
+    if normals is not None:
+        turned, normals = _sides_and_normals(vertices, halves(faces), normals, placement, parameters, "N")
     parameters.integers("faceIndices")
     parameters.text("emissionfilename", "")  # pbrt samples by it, of no effect on the image
-    return [_patches(vertices, faces, uv, parameters, placement, placement.turned)]
+    return _patches(vertices, faces, uv, normals, parameters, placement, turned)
 
 
 def _patches(
     vertices: Array,
     faces: NDArray[np.int64],
     uv: Array | None,
+    normals: Array | None,
     parameters: Parameters,
     placement: Placement,
     turned: bool,
-) -> BilinearMesh:
+) -> list[Geometry]:
+    """Planar patches as one mesh, all others as triangles. normals: (m, 3) on the outside, in world space."""
     world = placement.transform.points(vertices)
-    problem = patch_problem(world, faces)
+    bent = curved(world, faces)
+    problem = patch_problem(world, faces[~bent])
     if problem:
-        raise (Unsupported if "planar" in problem else SceneError)(problem, parameters.where)
-    return BilinearMesh(world, faces, turned, uv)
-
-
-def patch_problem(vertices: Array, faces: NDArray[np.int64]) -> str | None:
-    """Why these patches are not planar convex quadrilaterals, or None. vertices (m, 3), faces (q, 4) as p00
-    p10 p01 p11.
-    """
-    p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
-    diagonals = cross_product(p11 - p00, p01 - p10)  # twice the area, whatever the shape
-    length = np.linalg.norm(diagonals, axis=1)
-    diameter = np.maximum(np.linalg.norm(p11 - p00, axis=1), np.linalg.norm(p01 - p10, axis=1))
-    if not np.all(length > 0):
-        return (
-            f"patch {int(np.argmin(length))} has no area, or its corners are not in the order p00 p10 p01 p11"
+        raise SceneError(problem, parameters.where)
+    made: list[Geometry] = []
+    smooth = bent if normals is None or placement.light is not None else np.ones_like(bent)
+    if not smooth.all():
+        made.append(BilinearMesh(world, faces[~smooth], turned, uv))
+    if smooth.any():
+        try:
+            mesh = refined(world, faces[smooth], uv, normals, turned, placement.light is None)
+        except ValueError as error:
+            raise SceneError(str(error), parameters.where) from None
+        made.append(mesh)
+    if bent.any():
+        parameters.remark(
+            "P" if parameters.owner == "bilinearmesh" else "filename",
+            "curved patches are rendered as triangles that leave them by at most 1e-4 of the mesh's size",
         )
-    normal = diagonals / length[:, None]
-    rounding = 4 * np.finfo(np.float32).eps * np.abs(vertices[faces]).max(axis=(1, 2))
-    warp = np.abs(np.sum((p10 - p00) * normal, axis=1))  # how far the two diagonals pass each other by
-    off = warp > PLANE_TOLERANCE * diameter + rounding
-    if off.any():
-        return f"patch {int(np.argmax(off))} is not planar: curved bilinear patches are not supported"
-    ring = (p00, p10, p11, p01)
-    turns = [
-        np.sum(cross_product(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
-        for i in range(4)
-    ]
-    bad = np.min(turns, axis=0) < -PLANE_TOLERANCE * diameter**2
-    if bad.any():
-        return (
-            f"patch {int(np.argmax(bad))} is not convex: its corners must be given in the order p00 "
-            "p10 p01 p11"
-        )
-    return None
+    return made
 
 
 def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
@@ -172,22 +156,23 @@ def ply_mesh(parameters: Parameters, placement: Placement) -> list[Geometry]:
         raise
     except PenumbraError as error:
         raise parameters.fail("filename", str(error)) from None
+    if mesh.left_out:
+        parameters.remark(
+            "filename", "faces that are no triangles or quadrilaterals are left out, as in pbrt"
+        )
     turned, normals = placement.turned, None
     if mesh.normals is not None:
         corners = np.concatenate([mesh.triangles, mesh.quads[:, :3], mesh.quads[:, [2, 3, 0]]])
         turned, normals = _sides_and_normals(
             mesh.vertices, corners, mesh.normals, placement, parameters, "filename"
         )
-        if normals is not None and len(mesh.quads):
-            parameters.unsupported("filename", "smooth shading of quadrilaterals is not supported")
     geometries: list[Geometry] = []
     if len(mesh.triangles):
         world = placement.transform.points(mesh.vertices)
         geometries.append(TriangleMesh(world, mesh.triangles, turned, mesh.uv, normals))
     if len(mesh.quads):  # corners go round the face in PLY, row by row in a patch
-        geometries.append(
-            _patches(mesh.vertices, mesh.quads[:, [0, 1, 3, 2]], mesh.uv, parameters, placement, turned)
-        )
+        patches = mesh.quads[:, [0, 1, 3, 2]]
+        geometries += _patches(mesh.vertices, patches, mesh.uv, normals, parameters, placement, turned)
     return geometries
 
 
@@ -223,6 +208,15 @@ def _check_indices(indices: NDArray[np.int64], tokens: Values, count: int) -> No
         raise SceneError(
             f"index {token} is out of range: there are {count} points, counted from 0", token.where
         )
+
+
+def _normals(parameters: Parameters, count: int) -> Array | None:
+    """Vertex normals, (m, 3), one for each point; None if not given."""
+    normals = parameters.vectors("normal", "N")
+    if normals is not None and len(normals) != count:
+        parameters.remark("N", f"{len(normals)} normals for {count} points: none is taken, as in pbrt")
+        return None
+    return normals
 
 
 def _uv(parameters: Parameters, count: int) -> Array | None:
