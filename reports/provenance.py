@@ -54,7 +54,18 @@ def _facts(run: Run, records: Sequence[Record], made: Sequence[Provenance]) -> l
             "Seeds",
             "; ".join(f"{s.name}: {', '.join(map(str, s.axes.seeds))}" for s in run.manifest.sweep.study),
         ),
+        *said_of_scenes(records),
     ]
+
+
+def said_of_scenes(records: Sequence[Record]) -> list[tuple[str, str]]:
+    """Each note and each substitution once, with the scenes that it is about."""
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for record in records:
+        said = [("Note", line) for line in record.notes]
+        for pair in (*said, *(("Substituted", line) for line in record.substitutions)):
+            found.setdefault(pair, {})[record.job.scene] = None
+    return [(name, f"{', '.join(scenes)}: {line}") for (name, line), scenes in found.items()]
 
 
 def _clock(records: Sequence[Record]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from pipeline.console.console import Console
     from pipeline.run.job import JobResult
     from pipeline.schema.record import Job
-    from scenes import SceneDescription
 
 
 @command(40, ("render soft-shadow -o out.exr --estimator solid-angle --spp 64", ""))
@@ -85,7 +85,7 @@ def render(
     _write(target, done)
     if not built.built.sources.all and ESTIMATORS[estimator].quantity == RADIANCE:
         console.note(f"{scene}: the scene has no lights: its image is black, as pbrt's")
-    _tell(console, target, done, description)
+    _tell(console, target, done)
 
 
 def _write(target: Path, done: JobResult) -> None:
@@ -101,6 +101,8 @@ def _write(target: Path, done: JobResult) -> None:
         "provenance": record.provenance.model_dump_json(),
         "independent": str(_independent(record.job)),
         "verdict": record.statistics.verdict,
+        "notes": json.dumps(record.notes),
+        "substitutions": json.dumps(record.substitutions),
     }
     write_estimate_exr(target, result.image, result.variance, result.film.count, metadata)
 
@@ -114,7 +116,7 @@ def _independent(job: Job) -> bool:
     return SAMPLERS[job.sampler].independent
 
 
-def _tell(console: Console, target: Path, done: JobResult, scene: SceneDescription) -> None:
+def _tell(console: Console, target: Path, done: JobResult) -> None:
     record, result = done.record, done.render
     job, found = record.job, record.statistics
     seconds = result.seconds
@@ -138,8 +140,8 @@ def _tell(console: Console, target: Path, done: JobResult, scene: SceneDescripti
             },
             "rays": {"primary": result.rays.primary, "shadow": result.rays.shadow},
             "statistics": found.model_dump(),
-            "notes": scene.notes,
-            "substitutions": scene.substitutions,
+            "notes": record.notes,
+            "substitutions": record.substitutions,
             "plan": [item.model_dump() for item in record.plan],
         }
     )

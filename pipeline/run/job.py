@@ -112,6 +112,8 @@ def _record(job: Job, scene: PreparedScene, result: RenderResult) -> Record:
         rays=RayCounts(primary=result.rays.primary, shadow=result.rays.shadow),
         statistics=statistics(result),
         plan=_decisions(result),
+        notes=list(scene.built.description.notes),
+        substitutions=list(scene.built.description.substitutions),
         image=f"cells/{key}/image.exr",
         provenance=provenance(),
     )

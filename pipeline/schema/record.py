@@ -129,6 +129,10 @@ class Record(_Frozen):
     rays: RayCounts
     statistics: SampleStatistics
     plan: list[PlanDecision]
+    notes: list[str] = Field(
+        default=[], description="where pbrt's image of the file is another, a line a kind"
+    )
+    substitutions: list[str] = Field(default=[], description="what is rendered as the nearest, a line a kind")
     image: str = Field(description="path of its EXR relative to the run's folder")
     provenance: Provenance
 

@@ -303,6 +303,9 @@ def test_what_was_substituted_is_in_the_answer(penumbra: Penumbra, tmp_path: Pat
     found = answer(penumbra, "render", tmp_path / "fog.pbrt", "--substitute", "-o", tmp_path / "a.exr")
     (line,) = found["substitutions"]
     assert line.startswith('medium "fog": rendered as empty space')
+    stored = read_estimate_exr(tmp_path / "a.exr").metadata
+    assert json.loads(stored["substitutions"]) == found["substitutions"]
+    assert json.loads(stored["notes"]) == found["notes"]
 
 
 def test_strict_refuses_what_a_note_would_do_for(penumbra: Penumbra, tmp_path: Path) -> None:
