@@ -301,7 +301,8 @@ def _go_through(
     while rows.size:
         mine = d.take(rows, axis=1)
         p = _from(o, rows) + mine * t[rows]
-        missed = cutouts.missed(start, mine, p, shape[rows], triangle[rows], primitive[rows])
+        _, n = _normals(scene, p.copy(), triangle[rows], primitive[rows])
+        missed = cutouts.missed(start, mine, p, n, shape[rows], triangle[rows], primitive[rows])
         rows, mine, p = rows[missed], mine[:, missed], p[:, missed]
         hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
         start = hit.p

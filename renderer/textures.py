@@ -8,7 +8,7 @@ There is no prefiltering: what varies within a pixel is averaged by the pixel's 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, singledispatch
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,25 +40,19 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Some rows (n,) of points on surfaces, of which a texture takes what it needs."""
+    """What textures look at. uv: (2, n) coordinates. p: (3, n) points. n: (3, n) geometric normals, of either
+    side.
+    """
 
-    hit: SurfaceHit
-    rows: Integers
+    uv: Floats
+    p: Floats
+    n: Floats
 
-    @cached_property
-    def uv(self) -> Floats:
-        """(2, n)"""
-        return self.hit.uv.take(self.rows, axis=1)
-
-    @cached_property
-    def p(self) -> Floats:
-        """(3, n)"""
-        return self.hit.p.take(self.rows, axis=1)
-
-    @cached_property
-    def n(self) -> Floats:
-        """(3, n)"""
-        return self.hit.n.take(self.rows, axis=1)
+    @staticmethod
+    def of(hit: SurfaceHit, rows: Integers) -> Places:
+        """Some rows (n,) of points on surfaces."""
+        uv = hit.uv.take(rows, axis=1) if hit.uv.shape[1] > 1 else np.zeros((2, rows.size))
+        return Places(uv, hit.p.take(rows, axis=1), hit.n.take(rows, axis=1))
 
 
 @singledispatch
@@ -69,7 +63,7 @@ def evaluate(texture: Texture, at: Places) -> Floats:
 
 @evaluate.register
 def _(texture: np.ndarray, at: Places) -> Floats:
-    return np.repeat(texture.astype(np.float64)[:, None], at.rows.size, axis=1)
+    return np.repeat(texture.astype(np.float64)[:, None], at.p.shape[1], axis=1)
 
 
 @evaluate.register

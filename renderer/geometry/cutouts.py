@@ -18,7 +18,7 @@ from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates
 from renderer.interfaces.sampler import GOLDEN, mix
 from renderer.math.vectors import Floats, dot
-from renderer.textures import evaluate
+from renderer.textures import Places, evaluate
 from scenes.description.shapes import ShapeDescription
 from scenes.description.textures import Texture
 
@@ -35,14 +35,25 @@ class Cutouts:
     coordinates: Coordinates | None
 
     def missed(
-        self, o: Floats, d: Floats, p: Floats, shape: Integers, triangle: Integers, primitive: Integers
+        self,
+        o: Floats,
+        d: Floats,
+        p: Floats,
+        n: Floats,
+        shape: Integers,
+        triangle: Integers,
+        primitive: Integers,
     ) -> Bools:
-        """(n,): whether rays from o along d (3, n) go through the points p (3, n) of their shapes (n,)."""
+        """(n,): whether rays from o along d (3, n) go through the points p (3, n) of their shapes (n,), with
+        normals n (3, n).
+        """
         alpha = np.ones(shape.size)
         for number, texture in self.alphas:
             rows = np.flatnonzero(shape == number)
             if rows.size:
-                alpha[rows] = evaluate(texture, self._uv(p, triangle, primitive, rows))[0]
+                uv = self._uv(p, triangle, primitive, rows)
+                at = Places(uv, p.take(rows, axis=1), n.take(rows, axis=1))
+                alpha[rows] = evaluate(texture, at)[0]
         return _hashed(o, d) >= alpha
 
     def _uv(self, p: Floats, triangle: Integers, primitive: Integers, rows: Integers) -> Floats:
@@ -98,7 +109,7 @@ class Perforated:
             o, wi = p.take(met, axis=1), wi.take(met, axis=1)
             p = o + wi * t
             p, n, shape = self._surface(p, wi, triangle, primitive)
-            missed = self.cutouts.missed(o, wi, p, shape, triangle, primitive)
+            missed = self.cutouts.missed(o, wi, p, n, shape, triangle, primitive)
             out[rows[~missed]] = True
             on = np.flatnonzero(missed)
             rows, left, triangle, primitive = rows[on], left[on], triangle[on], primitive[on]

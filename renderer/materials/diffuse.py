@@ -56,7 +56,7 @@ class DiffuseMaterials:
             rows = np.flatnonzero(hit.shape == shape)
             if rows.size:
                 # What is scaled may exceed 1; pbrt clamps it too.
-                value[:, rows] = np.clip(evaluate(texture, Places(hit, rows)), 0.0, 1.0) / np.pi
+                value[:, rows] = np.clip(evaluate(texture, Places.of(hit, rows)), 0.0, 1.0) / np.pi
         return value * (dot(wi, hit.ns) > 0)
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:

@@ -136,7 +136,5 @@ def box(center, half: float, material: Diffuse = GRAY) -> ShapeDescription:
 
 def places(uv: np.ndarray, p: np.ndarray | None = None, n: np.ndarray | None = None) -> Places:
     """Points of which only uv (2, n), and where given their place and normal (3, n), are known."""
-    count = uv.shape[1]
-    at, unknown = np.zeros(count, dtype=np.int64), np.full((3, count), np.nan)
-    hit = SurfaceHit(*(unknown if v is None else v for v in (p, n)), unknown, at, at, at, uv)
-    return Places(hit, np.arange(count))
+    unknown = np.full((3, uv.shape[1]), np.nan)
+    return Places(uv, *(unknown if v is None else v for v in (p, n)))

@@ -174,3 +174,20 @@ def test_alpha_is_written_and_read_back(tmp_path: Path) -> None:
     )
     again = parse_file(written(scene, tmp_path))
     assert [hash_values(shape) for shape in again.shapes] == [hash_values(shape) for shape in scene.shapes]
+
+
+@pytest.mark.parametrize(
+    "texture",
+    [
+        '"directionmix" "float tex1" .3 "float tex2" 1',
+        '"checkerboard" "integer dimension" 3 "float tex1" 1 "float tex2" .3',
+    ],
+)
+def test_an_alpha_may_look_at_points_and_normals(texture: str) -> None:
+    """Of a sheet across the direction, and in an odd cell of the solid checkerboard, it is 0.3."""
+    made = (
+        f'AttributeBegin Translate -90 6.5 -90 Scale 180 1 180 Texture "t" "float" {texture} AttributeEnd\n'
+    )
+    sheets = made.replace("6.5", "6.5" if "direction" in texture else "5.5") + sheet(7, '"texture alpha" "t"')
+    found = mean(parse(ABOVE + SUN + FLOOR + sheets)) * np.pi / 1.5
+    assert abs(found - 0.7) < WIDE * error(0.7)
