@@ -29,6 +29,7 @@ from scenes.description.shapes import (
 )
 from scenes.description.textures import Texture
 from scenes.errors import Location, PenumbraError, SceneError, Unsupported
+from scenes.pbrt.directives.curves import curve
 from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
@@ -383,4 +384,5 @@ _SHAPES: dict[str, Callable[[Parameters, Placement], list[Geometry]]] = {
     "sphere": _sphere,
     "disk": _disk,
     "cylinder": _cylinder,
+    "curve": curve,
 }

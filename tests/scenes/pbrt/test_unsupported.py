@@ -25,7 +25,7 @@ LightSource "laser" "string filename" "gone.png"
 MakeNamedMaterial "glass" "string type" "subsurface" "float eta" 1.5
 NamedMaterial "glass"
 Shape "trianglemesh" "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "float wobble" 3
-Shape "curve" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
+Shape "nurbs" "integer levels" 3 "point3 P" [ 0 0 0 1 0 0 0 1 0 ] "integer indices" [ 0 1 2 ]
 Texture "rust" "spectrum" "clouds"
 Material "diffuse" "texture reflectance" "rust"
 Shape "paraboloid"
@@ -81,7 +81,7 @@ def test_every_place_is_listed_a_line_each_and_the_first_is_the_error_s_own() ->
         "laser",
         "subsurface",
         "wobble",
-        "'curve'",
+        "'nurbs'",
     ):
         assert sum(word in line for line in lines) == 1, word
 
@@ -110,7 +110,7 @@ def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, pr
 )
 def test_what_pbrt_would_take_is_listed_with_the_rest(line: str, tmp_path: Path) -> None:
     write_exr(tmp_path / "sky.exr", {name: np.ones((2, 2)) for name in "RGB"})
-    text = HEAD + "Scale 1 2 1\n" + f'Shape "paraboloid"\n{line}\nShape "curve"'
+    text = HEAD + "Scale 1 2 1\n" + f'Shape "paraboloid"\n{line}\nShape "nurbs"'
     (tmp_path / "main.pbrt").write_text(text)
     with pytest.raises(SceneError) as caught:
         parse_file(tmp_path / "main.pbrt")
@@ -168,25 +168,25 @@ def test_what_an_attribute_says_to_others_is_let_pass() -> None:
 
 
 def test_a_template_parameter_of_what_is_not_supported_does_not_hide_it() -> None:
-    error = refused(f'#$ n 3 "count"\n{HEAD}Shape "curve" "integer levels" $n')
-    assert "'curve'" in str(error)
+    error = refused(f'#$ n 3 "count"\n{HEAD}Shape "nurbs" "integer levels" $n')
+    assert "'nurbs'" in str(error)
 
 
 def test_places_in_included_files_are_listed_with_their_files(tmp_path: Path) -> None:
     (tmp_path / "a.pbrt").write_text('Shape "cone"')
-    (tmp_path / "main.pbrt").write_text(HEAD + 'Include "a.pbrt" Import "a.pbrt"\nShape "curve"')
+    (tmp_path / "main.pbrt").write_text(HEAD + 'Include "a.pbrt" Import "a.pbrt"\nShape "nurbs"')
     with pytest.raises(SceneError) as caught:
         parse_file(tmp_path / "main.pbrt")
     first, second = str(caught.value).splitlines()  # the file that is read twice is named once
     assert first.startswith(f"{tmp_path / 'a.pbrt'}:1:1: shape 'cone'")
-    assert second.startswith(f"{tmp_path / 'main.pbrt'}:8:1: shape 'curve'")
+    assert second.startswith(f"{tmp_path / 'main.pbrt'}:8:1: shape 'nurbs'")
 
 
 def test_a_kind_is_one_line_with_its_first_place_and_how_many_more_there_are() -> None:
-    lines = str(refused(HEAD + 'Shape "cone"\n' * 99 + 'Shape "curve"\n' + 'Shape "cone"\n')).splitlines()
+    lines = str(refused(HEAD + 'Shape "cone"\n' * 99 + 'Shape "nurbs"\n' + 'Shape "cone"\n')).splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("<text>:7:1: shape 'cone'") and lines[0].endswith(" and 99 more")
-    assert lines[1].startswith("<text>:106:1: shape 'curve'") and not lines[1].endswith("more")
+    assert lines[1].startswith("<text>:106:1: shape 'nurbs'") and not lines[1].endswith("more")
 
 
 def test_the_list_is_bounded() -> None:
