@@ -52,22 +52,28 @@ TABLE = [
 ]
 
 HOMONYM = "the same word for another thing"
+FOREIGN = "what another program calls its own, which becomes text of ours"
 
 # Files that use a kind and teach the tree nothing about it: path -> why. They are not counted.
 USES = {
-    "spot light": {"pipeline/baseline/worker.py": "pyrender's own class of that name"},
+    "spot light": {
+        "pipeline/baseline/worker.py": "pyrender's own class of that name",
+        "pipeline/convert/": FOREIGN,
+    },
     "goniometric light": {},
     "projection light": {},
     "portal": {},
     "conductor": {
         "pipeline/references/mitsuba/plugins.py": "Mitsuba's own class of that name",
         "renderer/materials/coated.py": "the examples lay a coat over one",
+        "pipeline/convert/": FOREIGN,
     },
-    "checkerboard": {},
+    "checkerboard": {"pipeline/convert/": FOREIGN},
     "marble": {},
     "noise": {},
     "dots": {},
     "disk": {
+        "pipeline/convert/": FOREIGN,
         "renderer/geometry/quadrics.py": "the form of a quadric, whose parts and affine images it holds",
         "renderer/lights/quadric.py": "the whole one in object space, whose directions a part's light draws",
     },
@@ -104,6 +110,7 @@ ENTRIES: Mapping[str, Mapping[str, str]] = {
         "renderer/render.py": DEFAULTS,
         "scenes/pbrt/": "pbrt's keyword",
         "pipeline/references/": "the quantity ambient-occlusion, and Mitsuba's words",
+        "pipeline/convert/": FOREIGN,
         "renderer/interfaces/estimator.py": "the quantity ambient-occlusion",
         "renderer/estimators/": FAMILY,
         "renderer/light_sampling/": FAMILY,

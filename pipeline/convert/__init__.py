@@ -1,0 +1,1 @@
+"""Scenes of other programs as pbrt-v4 text; in `pipeline`, since a command alone needs them."""

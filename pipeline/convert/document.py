@@ -1,0 +1,160 @@
+"""A scene file of pbrt-v4 in the making: directives, images beside it, and what was lost on the way."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenes.description.lights import Light
+from scenes.description.materials import Material
+from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Emission
+from scenes.errors import Location, PenumbraError
+from scenes.images.exr import write_exr
+from scenes.pbrt.directives.lights import area_light_text, light_text
+from scenes.pbrt.directives.materials import material_text
+from scenes.pbrt.directives.textures import TextureWriter
+from scenes.pbrt.parser import parse_file
+from scenes.pbrt.write.side_files import SideFiles
+from scenes.pbrt.write.text import block, comment, numbers
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+DIRECT = 'Integrator "path" "integer maxdepth" [ 1 ]'
+
+
+@dataclass(eq=False)
+class Losses:
+    """What is not as the original has it: one line a kind, with the first place and how many more."""
+
+    _kinds: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
+
+    def add(self, what: str, where: Location | str) -> None:
+        """A kind of loss at a place; the same place counts once."""
+        places = self._kinds.setdefault(what, [])
+        if str(where) not in places:
+            places.append(str(where))
+
+    def lines(self) -> tuple[str, ...]:
+        """A line for each kind, in the order in which they were met."""
+        more = {
+            what: f" and {len(places) - 1} more" * (len(places) > 1) for what, places in self._kinds.items()
+        }
+        return tuple(f"{what} ({places[0]}{more[what]})" for what, places in self._kinds.items())
+
+
+@dataclass(eq=False)
+class Document:
+    """Collects the directives. stem: what the names of its images begin with. head: before WorldBegin."""
+
+    stem: str
+    losses: Losses = field(default_factory=Losses)
+    head: list[str] = field(default_factory=list[str])
+    _body: list[str] = field(default_factory=list[str])
+
+    def __post_init__(self) -> None:
+        self._files = SideFiles(self.stem)
+        self._textures = TextureWriter(self._files)
+
+    @property
+    def images(self) -> dict[str, Array]:
+        """(h, w, 3) by file name, to be written as float32."""
+        return self._files.images
+
+    def light(self, light: Light) -> None:
+        """A light that is no shape."""
+        self._attribute(light_text(light, self._files))
+
+    def shape(self, lines: Sequence[str], material: Material, emission: Emission | None) -> None:
+        """The directives that place a shape, under its material and its light."""
+        before = [] if emission is None else [area_light_text(emission, self._files)]
+        self._attribute([*before, *material_text(material, self._textures), *lines])
+
+    def _attribute(self, lines: Sequence[str]) -> None:
+        self._body += ["", "AttributeBegin", *(f"  {line}" for line in lines), "AttributeEnd"]
+
+    def camera(self, to_world: Array, directive: str) -> None:
+        """to_world: (4, 4), from pbrt's camera space, which is left-handed. directive: `Camera` and its
+        parameters.
+        """
+        try:
+            to_camera = np.linalg.inv(to_world)
+        except np.linalg.LinAlgError:
+            raise PenumbraError(f"{self.stem}: the camera's transformation has no inverse") from None
+        self.head += [placed("Transform", to_camera.astype(np.float64)), directive]
+
+    def film(self, width: int, height: int, pixel_filter: str, spp: int) -> None:
+        """Size in pixels, the `PixelFilter` directive and samples a pixel; direct light is what is made."""
+        self.head += [
+            f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ]'
+            f' "string filename" [ "{self.stem}.exr" ] "bool savefp16" [ false ]',
+            pixel_filter,
+            f'Sampler "independent" "integer pixelsamples" [ {spp} ]',
+            DIRECT,
+        ]
+
+    def text(self, origin: str) -> str:
+        """The whole file. origin: the name of the original."""
+        told = [f"# {comment(line)}" for line in self.losses.lines()]
+        title = f"# {comment(origin)}, converted by penumbra"
+        return "\n".join([title, *told, *self.head, "", "WorldBegin", *self._body]) + "\n"
+
+
+def placed(directive: str, matrix: Array) -> str:
+    """`Transform` or `ConcatTransform` of a matrix (4, 4), column after column as pbrt reads it."""
+    columns = (" ".join(repr(value) for value in column) for column in (matrix.T + 0.0).tolist())
+    return f"{directive} [ {'  '.join(columns)} ]"
+
+
+def mesh_lines(
+    vertices: Array,
+    faces: Faces,
+    uv: Array | None = None,
+    normals: Array | None = None,
+    reverse: bool = False,
+) -> list[str]:
+    """A triangle mesh in world space: vertices (m, 3), faces (t, 3), uv (m, 2), normals (m, 3).
+
+    reverse: whether the geometric normal is opposite to that of the corners' order. normals: on the side of
+    the geometric one.
+    """
+    lines = ["ReverseOrientation"] if reverse else []
+    lines += ['Shape "trianglemesh"', *block('"point3 P"', (vertices + 0.0).ravel().tolist())]
+    if uv is not None:
+        lines += block('"point2 uv"', (uv + 0.0).ravel().tolist())
+    if normals is not None:  # ReverseOrientation turns them too
+        lines += block('"normal N"', ((-normals if reverse else normals) + 0.0).ravel().tolist())
+    return [*lines, *block('"integer indices"', faces.ravel().tolist())]
+
+
+def patch_lines(corners: Array, reverse: bool = False) -> list[str]:
+    """One bilinear patch with corners (4, 3) p00 p10 p01 p11."""
+    lines = ["ReverseOrientation"] if reverse else []
+    return [*lines, f'Shape "bilinearmesh" "point3 P" [ {numbers(corners + 0.0)} ]']
+
+
+def write(document: Document, origin: str, output: Path) -> SceneDescription:
+    """Write the text and its images, which take their names when all of them are whole and are read back.
+
+    Returns the scene as it is read. PenumbraError where it cannot be written or is none that is rendered.
+    """
+    if output.name in document.images:
+        raise PenumbraError(f"{output}: an image beside it would have its name")
+    try:
+        with tempfile.TemporaryDirectory(prefix=".convert-", dir=output.parent) as name:
+            folder = Path(name)
+            for file, image in document.images.items():
+                write_exr(folder / file, {channel: image[..., i] for i, channel in enumerate("RGB")})
+            (folder / output.name).write_text(document.text(origin), encoding="utf-8")
+            scene = parse_file(folder / output.name)
+            for file in (*document.images, output.name):
+                (folder / file).replace(output.with_name(file))
+    except OSError as error:
+        raise PenumbraError(f"{output}: cannot be written: {error.strerror or error}") from error
+    return scene

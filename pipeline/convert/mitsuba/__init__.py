@@ -1,0 +1,1 @@
+"""Mitsuba 3 XML to pbrt-v4 text."""
