@@ -23,6 +23,7 @@ from scenes.pbrt.transforms import FLAT, rigid
 
 FILM_LIMIT = 65_535
 SAME_WINDOW = 1e-4  # relative; files write 1.7778 for 16 / 9
+FILMS = ("rgb", "gbuffer", "spectral")
 SHARPENING = ("mitchell", "sinc")  # filters that are negative somewhere
 RADIUS_LIMIT = 16.0  # pixels
 SENSOR_LIMIT = 1e6  # pbrt's own, on what a pixel's sample may be
@@ -133,7 +134,7 @@ def framed(builder: Builder) -> Camera:
 
 def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Film`: its size, its crop, and the imaging ratio of its sensor; an image is linear sRGB."""
-    refuse_kind(kind, "rgb gbuffer spectral", parameters)
+    refuse_kind(kind, " ".join(FILMS), parameters)
     if builder.state.space != SRGB:
         problem = (
             f'the film is in ColorSpace "{builder.state.space}": the image shows its colours in linear sRGB'

@@ -59,6 +59,11 @@ def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
     builder.lights.append(_LIGHTS[kind](builder, parameters))
 
 
+def kinds() -> tuple[str, ...]:
+    """The kinds that are read."""
+    return tuple(_LIGHTS)
+
+
 @singledispatch
 def light_text(light: Light, files: SideFiles) -> list[str]:
     """The directives that read back as the light to the bit; images go to `files`."""

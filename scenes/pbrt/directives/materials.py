@@ -46,6 +46,11 @@ def material(builder: Builder, kind: str, parameters: Parameters) -> None:
     builder.state = replace(builder.state, material=_made(kind, parameters))
 
 
+def kinds() -> tuple[str, ...]:
+    """The kinds that are read."""
+    return tuple(_KINDS)
+
+
 def make_named_material(builder: Builder, name: str, parameters: Parameters) -> None:
     """`MakeNamedMaterial "name" "string type" "diffuse"`."""
     if name in builder.materials:

@@ -79,6 +79,11 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
     target.extend(placed)
 
 
+def kinds() -> tuple[str, ...]:
+    """The kinds that are read."""
+    return tuple(_SHAPES)
+
+
 def mesh_run(builder: Builder, run: MeshRun, where: Location) -> None:
     """Many meshes under one state as one shape, which reflects only; SceneError where it is too large."""
     builder.check_placed("a shape", where)

@@ -15,6 +15,8 @@ from scenes.pbrt.text.parameters import Parameters
 
 Array = NDArray[np.float64]
 
+KINDS = ("subsurface", "measured", "hair")
+
 # The diffuse reflectance of the measured media that pbrt knows by name [jensen2001, fig. 5].
 NAMED = {
     "Apple": (0.85, 0.84, 0.53), "Chicken1": (0.31, 0.15, 0.10), "Chicken2": (0.32, 0.16, 0.10),

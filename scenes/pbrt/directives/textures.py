@@ -77,6 +77,14 @@ def texture(
     builder.textures[type_, name] = NamedTexture(made, maker.size, maker.plain)
 
 
+STAND_INS = ("ptex",)  # the kinds that --substitute renders as something else
+
+
+def kinds() -> tuple[str, ...]:
+    """The kinds that are read."""
+    return tuple(_KINDS)
+
+
 def named_texture(builder: Builder, type_: str, name: str, where: Location) -> NamedTexture:
     """The texture of this type and name; SceneError at `where` if there is none."""
     if (type_, name) not in builder.textures:
