@@ -20,6 +20,7 @@ from renderer.geometry.primitives import (
     is_analytic,
     without_skew,
 )
+from renderer.geometry.relief import Reliefs, reliefs
 from renderer.geometry.shading_normals import ShadingNormals, shading_normals
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
@@ -79,7 +80,8 @@ class RenderScene:
     emissive_triangles: the triangles that emit alone; None where none does.
     emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
-    varies. shading_normals: None without vertex normals. cutouts: None where no shape has an alpha.
+    varies. shading_normals: None without vertex normals. cutouts, reliefs: None where no
+    shape has an alpha, or a relief.
     material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each. boxes: (s, 3)
     each, least and greatest coordinates of each shape.
     contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
@@ -102,6 +104,7 @@ class RenderScene:
     coordinates: Coordinates | None
     shading_normals: ShadingNormals | None
     cutouts: Cutouts | None
+    reliefs: Reliefs | None
     material_of: NDArray[np.int64]
     lobes: NDArray[np.int64]
     contact_epsilon: float
@@ -129,10 +132,10 @@ class RenderScene:
 
     @property
     def smooth(self) -> NDArray[np.bool_]:
-        """(s,): shapes with vertex normals."""
-        return np.array(
-            [vertex_normals(s.geometry) is not None for s in self.description.shapes], dtype=np.bool_
-        )
+        """(s,): shapes with shading normals of their own."""
+        shapes = self.description.shapes
+        own = [vertex_normals(s.geometry) is not None or s.relief is not None for s in shapes]
+        return np.array(own, dtype=np.bool_)
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
         """Each kind of material with the rows (m,) of shape (n,) that are of it."""
@@ -160,7 +163,7 @@ def build(scene: SceneDescription) -> RenderScene:
     camera = make_camera(scene.camera, scene.film)
     size, scene_diameter = _size(*boxed, camera.eyes)
     black = np.zeros(3)
-    uv = coordinates(shapes, analytic)
+    uv, smooth = coordinates(shapes, analytic), shading_normals(shapes)
     return RenderScene(
         description=scene,
         camera=camera,
@@ -177,8 +180,9 @@ def build(scene: SceneDescription) -> RenderScene:
             (i, s.emission.image) for i, s in enumerate(shapes) if s.emission and s.emission.image is not None
         ),
         coordinates=uv,
-        shading_normals=shading_normals(shapes),
+        shading_normals=smooth,
         cutouts=cutouts(shapes, uv),
+        reliefs=reliefs(shapes, uv, smooth),
         material_of=material_of,
         lobes=lobes,
         contact_epsilon=4 * TOLERANCE * size,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from renderer.build import RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
 from renderer.geometry.cutouts import Cutouts
+from renderer.geometry.relief import Reliefs
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
 from renderer.math.vectors import Floats, dot
@@ -375,9 +376,22 @@ def _surface(
     if scene.coordinates is None:
         return hit
     hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))
+    if scene.reliefs is not None:
+        hit = _embossed(scene.reliefs, hit)
     if not scene.coordinates.oriented:
         return hit
     return replace(hit, tangent=scene.coordinates.tangent(p, triangle, primitive))
+
+
+def _embossed(reliefs: Reliefs, hit: SurfaceHit) -> SurfaceHit:
+    """Points with the shading normals of their reliefs, on the side of wo."""
+    outside = np.where(hit.front, hit.ns, -hit.ns)
+    turned = reliefs.at(hit.p, outside, hit.uv, hit.shape, (hit.triangle, hit.primitive))
+    # The geometric normal on the outside, as pbrt orients it by the shading normal.
+    n = np.where(dot(hit.n, outside) < 0, -hit.n, hit.n)
+    turned = np.where(dot(turned, n) < 0, -turned, turned)
+    front = dot(turned, hit.wo) >= 0
+    return replace(hit, front=front, shading_n=np.where(front, turned, -turned))
 
 
 def _normals(

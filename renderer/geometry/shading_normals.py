@@ -37,10 +37,7 @@ class ShadingNormals:
 
         n: (3, n) the geometric normals, which stand in for interpolated ones of no length or no number.
         """
-        face = np.full(triangle.size, -1, dtype=np.int64)
-        for table, row in ((self.of_triangle, triangle), (self.of_primitive, primitive)):
-            if table.size:
-                face = np.where(row >= 0, table[row], face)
+        face = self._face(triangle, primitive)
         out, own = n.copy(), np.zeros(face.size, dtype=np.bool_)
         rows = np.flatnonzero(face >= 0)
         mine, face = p.take(rows, axis=1), face[rows]
@@ -50,6 +47,28 @@ class ShadingNormals:
         own[rows] = some = (square > 0) & (square < np.inf)
         out[:, rows[some]] = value[:, some] / np.sqrt(square[some])
         return out, own
+
+    def differentials(
+        self, dpdu: Floats, dpdv: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
+    ) -> tuple[NDArray[np.bool_], Floats, Floats]:
+        """Which points (n,) have vertex normals, and dn/du and dn/dv (3, n) of what is interpolated there.
+
+        As in pbrt these are of the normals before they are made unit.
+        """
+        face = self._face(triangle, primitive)
+        rows = np.flatnonzero(face >= 0)
+        dndu, dndv = np.zeros_like(dpdu), np.zeros_like(dpdu)
+        for change, step in ((dndu, dpdu), (dndv, dpdv)):
+            mine = step.take(rows, axis=1)
+            change[:, rows] = np.stack([dot(axis.take(face[rows], axis=1), mine) for axis in self.along])
+        return face >= 0, dndu, dndv
+
+    def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
+        face = np.full(triangle.size, -1, dtype=np.int64)
+        for table, row in ((self.of_triangle, triangle), (self.of_primitive, primitive)):
+            if table.size:
+                face = np.where(row >= 0, table[row], face)
+        return face
 
 
 def shading_normals(shapes: Sequence[ShapeDescription]) -> ShadingNormals | None:

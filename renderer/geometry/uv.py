@@ -77,6 +77,38 @@ class Coordinates:
                 out[:, rows[some]] = to_world(*self.analytic.axes(own), turn)
         return out
 
+    def differentials(
+        self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """dp/du, dp/dv, dn/du and dn/dv (3, n) of points p (3, n) on faces, whole spheres and whole disks.
+
+        They are not finite where the coordinates are degenerate.
+        """
+        face = self._face(triangle, primitive)
+        dpdu, dpdv, dndu, dndv = (np.zeros_like(p) for _ in range(4))
+        rows = np.flatnonzero(face >= 0)
+        if rows.size:
+            du, dv = (self.along[i].take(face[rows], axis=1) for i in range(2))
+            normal = cross(du, dv)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                square = dot(normal, normal)
+                dpdu[:, rows], dpdv[:, rows] = cross(dv, normal) / square, cross(normal, du) / square
+        rows = np.flatnonzero((triangle < 0) & (primitive >= 0) & (face < 0))
+        if rows.size:
+            which = primitive[rows]
+            away = p.take(rows, axis=1) - self.analytic.origin.take(which, axis=1)
+            x, y, z = np.ascontiguousarray(self.frames.take(which, axis=2).transpose(1, 0, 2))
+            a, b, c = (dot(axis, away) for axis in (x, y, z))
+            ring, radius = np.sqrt(a * a + b * b), self.analytic.radius[which]
+            sphere = self.analytic.kind[which] == SPHERE
+            dpdu[:, rows] = 2 * np.pi * (y * a - x * b)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                outwards = (x * a + y * b) / ring
+            dpdv[:, rows] = np.where(sphere, np.pi * (z * ring - outwards * c), -outwards * radius)
+            dndu[:, rows] = np.where(sphere, dpdu[:, rows] / radius, 0.0)
+            dndv[:, rows] = np.where(sphere, dpdv[:, rows] / radius, 0.0)
+        return dpdu, dpdv, dndu, dndv
+
     def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_primitive, primitive))
 

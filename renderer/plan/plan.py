@@ -235,9 +235,9 @@ def _blockers(blockers: Bools) -> Decision:
 
 
 def _shading_normals(scene: RenderScene) -> list[Decision]:
-    if scene.shading_normals is None:
+    if scene.shading_normals is None and scene.reliefs is None:
         return []
-    reason = f"{int(scene.smooth.sum())} of {len(scene)} shapes have vertex normals"
+    reason = f"{int(scene.smooth.sum())} of {len(scene)} shapes have vertex normals, normal maps or bumps"
     return [Decision("shading normals", True, reason, "none")]
 
 

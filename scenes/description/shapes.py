@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.materials import Material
+from scenes.description.relief import Relief
 from scenes.description.textures import ColorMap, Texture
 from scenes.errors import Location
 
@@ -426,7 +427,7 @@ class ShapeDescription:
     """One `Shape` of the scene file. `where` is for messages and no part of the content.
 
     alpha: how likely a ray is to meet the shape where it lies, equal in all three components; None: it always
-    does.
+    does. relief: what turns its shading normals.
     """
 
     geometry: Geometry
@@ -434,6 +435,7 @@ class ShapeDescription:
     emission: Emission | None = None
     where: Location | None = field(default=None, metadata={"content": False})
     alpha: Texture | None = None
+    relief: Relief | None = None
 
     @property
     def needs_uv(self) -> bool:
@@ -441,6 +443,7 @@ class ShapeDescription:
         textured = self.alpha is not None and not isinstance(self.alpha, np.ndarray)
         return (
             textured
+            or self.relief is not None
             or self.material.needs_uv
             or (self.emission is not None and self.emission.image is not None)
         )

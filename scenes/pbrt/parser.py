@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import Emission, Geometry, ShapeDescription
+from scenes.description.shapes import Emission, Geometry, Quadric, ShapeDescription
 from scenes.errors import PenumbraError, Report, SceneError
 from scenes.files import Files
 from scenes.pbrt.directives.emission import apply_area_light
 from scenes.pbrt.directives.environment import sum_environments
 from scenes.pbrt.directives.integrator import check_delta
-from scenes.pbrt.directives.materials import resolve_material
+from scenes.pbrt.directives.materials import resolve_material, resolve_relief
 from scenes.pbrt.directives.media import check_media, surfaces
 from scenes.pbrt.directives.shapes import resolve_alpha
 from scenes.pbrt.instances import expand_instances
@@ -131,9 +131,13 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
     if placed.light is not None:
         parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]
-    alpha = resolve_alpha(placed.alpha, builder)
+    alpha, relief = resolve_alpha(placed.alpha, builder), resolve_relief(placed.material, builder)
     if isinstance(alpha, np.ndarray) and not alpha.any() and placed.light is None:
         return []  # no ray ever meets it
-    if not material.needs_uv and (alpha is None or isinstance(alpha, np.ndarray)):
+    if relief is not None and isinstance(placed.geometry, Quadric):
+        what = f"a normal map or displacement on part of a {placed.geometry.form}"
+        builder.report.substitute(what, "without it", placed.where)
+        relief = None
+    if not (material.needs_uv or relief) and (alpha is None or isinstance(alpha, np.ndarray)):
         parts = [(geometry.untextured(), emission) for geometry, emission in parts]
-    return [ShapeDescription(one, material, emission, placed.where, alpha) for one, emission in parts]
+    return [ShapeDescription(one, material, emission, placed.where, alpha, relief) for one, emission in parts]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scenes.description.lights import Light
 from scenes.description.materials import Coated, Diffuse, Material
+from scenes.description.relief import NormalMap
 from scenes.description.scene import Camera, Film, PerspectiveCamera, PixelFilter, RenderDefaults
 from scenes.description.shapes import Emission, Geometry
 from scenes.description.textures import Texture
@@ -57,14 +58,14 @@ class TexturedDiffuse:
 
 
 @dataclass(frozen=True)
-class NamedAlpha:
-    """The alpha of a shape as the float texture of this name; resolved like `NamedMaterial`."""
+class NamedNumbers:
+    """The float texture of this name; resolved like `NamedMaterial`."""
 
     texture: str
     where: Location
 
 
-Alpha = float | NamedAlpha
+Alpha = float | NamedNumbers
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,15 @@ class MediumInterface:
     where: Location
 
 
-MaterialUse = Interface | Material | TexturedDiffuse | NamedMaterial
+@dataclass(frozen=True, eq=False)
+class Embossed:
+    """A material with a normal map, or with a displacement that turns its normals alone."""
+
+    material: Interface | Material | TexturedDiffuse
+    relief: NormalMap | NamedNumbers
+
+
+MaterialUse = Interface | Material | TexturedDiffuse | NamedMaterial | Embossed
 
 
 @dataclass(frozen=True, eq=False)

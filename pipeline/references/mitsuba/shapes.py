@@ -67,6 +67,8 @@ def affine(axes: Array, origin: Array) -> Array:
 
 def shapes(shape: ShapeDescription, frame: Frame) -> Iterator[Plugin]:
     """The shape in normalised coordinates; SceneError where it has no counterpart."""
+    if shape.relief is not None:
+        raise SceneError("normal maps and displacements are not handed to Mitsuba", shape.where)
     if shape.alpha is not None:
         raise SceneError(
             "Mitsuba's shadow rays stop at a surface whatever its opacity, and this has an alpha", shape.where

@@ -12,16 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material, Microfacets
+from scenes.description.relief import Bump, NormalMap, Relief
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.stand_ins import hair, measured, subsurface
+from scenes.pbrt.directives.texels import normals_of
 from scenes.pbrt.directives.textures import TextureWriter, named_texture
 from scenes.pbrt.spectra import colour, colour_of, index_of, samples, spectrum_name
 from scenes.pbrt.state import (
     DEFAULT_REFLECTANCE,
     Builder,
+    Embossed,
     Interface,
     MaterialUse,
     NamedMaterial,
+    NamedNumbers,
     TexturedDiffuse,
     check_room,
     refuse_kind,
@@ -33,6 +37,7 @@ Array = NDArray[np.float64]
 
 SMOOTH = 1e-3  # where neither alpha reaches this, pbrt-v4 takes a surface for smooth
 LEAST = 1e-4  # the least alpha of a surface that is not
+BUMPS = "in pbrt the bumps of a displacement hang on the size of a pixel a little: here their slopes do not"
 # Measured at alpha 0.03, 0.1, 0.3 and 1: 1, 4, 10 and 17 % at most.
 BRIGHT_WALKS = (
     "pbrt's BSDF of a rough coat is brighter than its own samples of it, and this image holds to the BSDF: "
@@ -43,7 +48,7 @@ BRIGHT_WALKS = (
 def material(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Material`."""
     builder.state = replace(builder.state, material=Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
-    builder.state = replace(builder.state, material=_made(kind, parameters))
+    builder.state = replace(builder.state, material=_embossed(builder, _made(kind, parameters), parameters))
 
 
 def kinds() -> tuple[str, ...]:
@@ -59,13 +64,27 @@ def make_named_material(builder: Builder, name: str, parameters: Parameters) -> 
     if not parameters.given("type"):
         raise SceneError(f'MakeNamedMaterial "{name}" needs "string type"', parameters.where)
     builder.materials[name] = Diffuse(np.full(3, DEFAULT_REFLECTANCE))
-    builder.materials[name] = _made(parameters.text("type", ""), parameters)
+    made = _made(parameters.text("type", ""), parameters)
+    builder.materials[name] = _embossed(builder, made, parameters)
 
 
 def _made(kind: str, parameters: Parameters) -> MaterialUse:
     kind = "interface" if kind in ("", "none") else kind
     refuse_kind(kind, " ".join(_KINDS), parameters)
     return _KINDS[kind](parameters)
+
+
+def _embossed(builder: Builder, made: MaterialUse, parameters: Parameters) -> MaterialUse:
+    """The material with its normal map or, without one, its displacement."""
+    if isinstance(made, Interface | NamedMaterial | Embossed):
+        return made
+    name, displacement = parameters.text("normalmap", ""), parameters.take("displacement", "texture")
+    if name:
+        return Embossed(made, NormalMap(normals_of(builder, parameters, name)))
+    if displacement is None:
+        return made
+    parameters.remark("displacement", BUMPS)
+    return Embossed(made, NamedNumbers(parameters.text_of(displacement), displacement.where))
 
 
 def _diffuse(parameters: Parameters) -> MaterialUse:
@@ -222,8 +241,9 @@ def _interface(parameters: Parameters) -> Interface:
 
 def resolve_material(use: MaterialUse, builder: Builder) -> Material:
     """The material that a use stands for, its names looked up; SceneError where there is no such name."""
-    if isinstance(use, NamedMaterial):
-        use = _named(use.name, use.where, builder.materials)
+    use = _found(use, builder)
+    if isinstance(use, Embossed):
+        use = use.material
     if isinstance(use, NamedMaterial):
         raise SceneError(f"material {use.name!r} stands for another name", use.where)
     if isinstance(use, Interface):
@@ -235,6 +255,21 @@ def resolve_material(use: MaterialUse, builder: Builder) -> Material:
         base = Diffuse(np.clip(found, 0.0, 1.0) if isinstance(found, np.ndarray) else found)
         return base if use.under is None else replace(use.under, base=base)
     return use
+
+
+def resolve_relief(use: MaterialUse, builder: Builder) -> Relief | None:
+    """The relief of the material that a use stands for; SceneError where its texture is not there."""
+    use = _found(use, builder)
+    if not isinstance(use, Embossed):
+        return None
+    if isinstance(use.relief, NormalMap):
+        return use.relief
+    found = named_texture(builder, "float", use.relief.texture, use.relief.where).value
+    return None if found is None or isinstance(found, np.ndarray) else Bump(found)
+
+
+def _found(use: MaterialUse, builder: Builder) -> MaterialUse:
+    return _named(use.name, use.where, builder.materials) if isinstance(use, NamedMaterial) else use
 
 
 def _named(name: str, where: Location, materials: Mapping[str, MaterialUse]) -> MaterialUse:
@@ -314,3 +349,10 @@ def _roughness_text(material: Microfacets, part: str = "") -> str:
         return f'"float {part}roughness" [ {material.alpha!r} ]'
     u, v = f"{part}uroughness", f"{part}vroughness"
     return f'"float {u}" [ {material.alpha!r} ] "float {v}" [ {material.alpha_v!r} ]'
+
+
+def relief_text(relief: Relief, textures: TextureWriter, lines: list[str]) -> str:
+    """The parameter of a `Material` that reads back as its relief; a texture that is new goes to `lines`."""
+    if isinstance(relief, NormalMap):
+        return f'"string normalmap" {textures.files.add(relief.image)}'
+    return textures.parameter("float", "displacement", relief.displacement, lines)

@@ -34,7 +34,7 @@ from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
 from scenes.pbrt.directives.textures import named_texture
-from scenes.pbrt.state import Alpha, AreaLight, Builder, NamedAlpha, PlacedShape, check_room
+from scenes.pbrt.state import Alpha, AreaLight, Builder, NamedNumbers, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, FLAT, Transform, orthonormal, uniform_scale, unit
@@ -125,7 +125,7 @@ def _alpha(parameters: Parameters, light: AreaLight | None) -> Alpha | None:
         return None
     alpha: Alpha
     if parameter.type == "texture":
-        alpha = NamedAlpha(parameters.text_of(parameter), parameter.where)
+        alpha = NamedNumbers(parameters.text_of(parameter), parameter.where)
     else:
         alpha = max(parameters.number("alpha", 1.0), 0.0)
         if alpha >= 1:
@@ -138,7 +138,7 @@ def _alpha(parameters: Parameters, light: AreaLight | None) -> Alpha | None:
 
 def resolve_alpha(alpha: Alpha | None, builder: Builder) -> Texture | None:
     """The alpha of a shape, its name looked up; SceneError where there is no such texture."""
-    if isinstance(alpha, NamedAlpha):
+    if isinstance(alpha, NamedNumbers):
         found = named_texture(builder, "float", alpha.texture, alpha.where).value
         return None if isinstance(found, np.ndarray) and found.min() >= 1 else found
     return None if alpha is None else np.full(3, alpha)

@@ -50,6 +50,23 @@ def numbers_of(
     return _found(builder, parameters, name, encoding, wrap, filter_.lower())
 
 
+def normals_of(builder: Builder, parameters: Parameters, name: str) -> Array:
+    """The image file `name` of the parameter "normalmap": (h, w, 3) float64 as the file holds it."""
+    from scenes.images.exr import read_texture
+
+    path = str(_at(parameters, "normalmap", lambda: parameters.resolve(name)))
+    key = (path, "normalmap", "", "")
+    if key not in builder.images:
+        image = _at(parameters, "normalmap", lambda: read_texture(path, "linear"))
+        builder.texels += image.shape[0] * image.shape[1]
+        if builder.texels > TEXELS:
+            raise parameters.fail(
+                "normalmap", f"the images of the scene have more than {TEXELS} texels in all"
+            )
+        builder.images[key] = image
+    return builder.images[key]
+
+
 def means_of(builder: Builder, parameters: Parameters, name: str) -> Array:
     """As `image_of`, for a light's image of one number a texel, (h, w): the mean of red, green and blue.
 

@@ -144,8 +144,6 @@ def test_a_bad_value_hides_nothing_behind_it() -> None:
 @pytest.mark.parametrize(
     ("text", "column"),
     [
-        ('Attribute "material" "string normalmap" "n.png" Material "diffuse"', 22),
-        ('Attribute "material" "texture displacement" "t" MakeNamedMaterial "m" "string type" "diffuse"', 22),
         ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
         ('Attribute "material" "texture roughness" "r" Material "conductor"', 22),
     ],

@@ -1,0 +1,107 @@
+"""Shading normals from normal maps and bumps, as pbrt-v4's NormalMap() and BumpMap() have them [pharr2023,
+sec. 10.5.3 and 10.5.4].
+
+The frame is that of the shading geometry: the normal on the surface's outside, dp/du and dp/dv. Under vertex
+normals pbrt makes dp/du normal to the shading normal s and takes s x dp/du for dp/dv, whatever that one's
+length; so does this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.geometry.shading_normals import ShadingNormals
+from renderer.geometry.uv import Coordinates
+from renderer.math.vectors import Floats, cross, dot, normalize
+from renderer.textures import Places, bilinear, evaluate
+from scenes.description.relief import Bump, NormalMap, Relief
+from scenes.description.shapes import ShapeDescription
+
+STEP = 5e-4  # pbrt's in u and v where a ray has no differentials
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Reliefs:
+    """The shapes with a relief. some: (s,) which they are. all: theirs, by shape."""
+
+    some: NDArray[np.bool_]
+    all: tuple[tuple[int, Relief], ...]
+    coordinates: Coordinates
+    smooth: ShadingNormals | None
+
+    def at(
+        self, p: Floats, n: Floats, uv: Floats, shape: Integers, face: tuple[Integers, Integers]
+    ) -> Floats:
+        """Unit shading normals (3, n) at points p (3, n) of shapes (n,).
+
+        n: (3, n) shading normals on the outside. uv: (2, n). face: triangle and primitive of each point.
+        """
+        out = n.copy()
+        for number, relief in self.all:
+            rows = np.flatnonzero(shape == number)
+            if not rows.size:
+                continue
+            at = Places(uv.take(rows, axis=1), p.take(rows, axis=1), n.take(rows, axis=1))
+            frame = Frame.at(self, at.p, at.n, (face[0][rows], face[1][rows]))
+            if isinstance(relief, NormalMap):
+                normal = _mapped(relief, at.uv, frame)
+            else:
+                normal = _bumped(relief, at, frame)
+            out[:, rows] = np.where(np.isfinite(normal).all(axis=0), normal, frame.n)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """dpdu, dpdv, n, dndu, dndv: (3, n), of the shading geometry."""
+
+    dpdu: Floats
+    dpdv: Floats
+    n: Floats
+    dndu: Floats
+    dndv: Floats
+
+    @classmethod
+    def at(cls, reliefs: Reliefs, p: Floats, n: Floats, face: tuple[Integers, Integers]) -> Frame:
+        dpdu, dpdv, dndu, dndv = reliefs.coordinates.differentials(p, *face)
+        if reliefs.smooth is not None:
+            own, change_u, change_v = reliefs.smooth.differentials(dpdu, dpdv, *face)
+            across = cross(n, dpdu)
+            dpdu, dpdv = np.where(own, cross(across, n), dpdu), np.where(own, across, dpdv)
+            dndu, dndv = np.where(own, change_u, dndu), np.where(own, change_v, dndv)
+        return cls(dpdu, dpdv, n, dndu, dndv)
+
+
+def _mapped(relief: NormalMap, uv: Floats, frame: Frame) -> Floats:
+    found = bilinear(relief.image, np.stack([uv[0], 1.0 - uv[1]]), "repeat")
+    local = normalize(2.0 * found - 1.0)
+    x = normalize(frame.dpdu)
+    return normalize(x * local[0] + cross(frame.n, x) * local[1] + frame.n * local[2])
+
+
+def _bumped(relief: Bump, at: Places, frame: Frame) -> Floats:
+    steps = np.array([[0.0, 0.0], [STEP, 0.0], [0.0, STEP]])
+    places = (
+        Places(at.uv + np.array([[u], [v]]), at.p + frame.dpdu * u + frame.dpdv * v, at.n) for u, v in steps
+    )
+    here, along, across = (evaluate(relief.displacement, place)[0] for place in places)
+    dpdu = frame.dpdu + frame.n * ((along - here) / STEP) + frame.dndu * here
+    dpdv = frame.dpdv + frame.n * ((across - here) / STEP) + frame.dndv * here
+    normal = normalize(cross(dpdu, dpdv))
+    return np.where(dot(normal, frame.n) < 0, -normal, normal)
+
+
+def reliefs(
+    shapes: Sequence[ShapeDescription], coordinates: Coordinates | None, smooth: ShadingNormals | None
+) -> Reliefs | None:
+    """Of a scene in which some shape has a relief, else None."""
+    all_ = tuple((i, s.relief) for i, s in enumerate(shapes) if s.relief is not None)
+    if not all_ or coordinates is None:
+        return None
+    return Reliefs(np.array([s.relief is not None for s in shapes]), all_, coordinates, smooth)
