@@ -86,10 +86,9 @@ def _mapped(relief: NormalMap, uv: Floats, frame: Frame) -> Floats:
 
 
 def _bumped(relief: Bump, at: Places, frame: Frame) -> Floats:
-    steps = np.array([[0.0, 0.0], [STEP, 0.0], [0.0, STEP]])
-    places = (
-        Places(at.uv + np.array([[u], [v]]), at.p + frame.dpdu * u + frame.dpdv * v, at.n) for u, v in steps
-    )
+    steps = np.array([[0.0, 0.0], [STEP, 0.0], [0.0, STEP]])[:, :, None]
+    shifts = (frame.dpdu * u + frame.dpdv * v for u, v in steps)
+    places = (Places(at.uv + uv, at.p + shift, at.n) for uv, shift in zip(steps, shifts, strict=True))
     here, along, across = (evaluate(relief.displacement, place)[0] for place in places)
     dpdu = frame.dpdu + frame.n * ((along - here) / STEP) + frame.dndu * here
     dpdv = frame.dpdv + frame.n * ((across - here) / STEP) + frame.dndv * here
