@@ -2,7 +2,7 @@
 that need a part of the system.
 
 PENUMBRA_FAST=1 (`make test-fast`) leaves out, by their markers, the tests that start processes, Mitsuba, a
-browser or OpenGL, and the statistical ones; a test that stays in and starts one of them all the same fails.
+browser or OpenGL, the statistical and the large ones. One that stays in and starts any of these fails.
 PENUMBRA_SLOW=1 (`make test-all`) brings in the tests marked `slow`.
 PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a
 failure.
@@ -162,7 +162,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         for fixture in MARKERS.keys() & set(getattr(item, "fixturenames", ())):
             item.add_marker(MARKERS[fixture])
-    left_out = STARTING | {"statistical"} if FAST else set[str]()
+    left_out = STARTING | {"statistical", "large"} if FAST else set[str]()
     if not SLOW and "slow" not in config.option.markexpr:
         left_out = left_out | {"slow"}
     out = [item for item in items if any(map(item.get_closest_marker, left_out))]

@@ -275,6 +275,7 @@ def test_light_can_be_followed_either_way(kind, shape):
 
 @pytest.mark.parametrize(("kind", "shape"), EXAMPLES)
 @pytest.mark.parametrize("theta", [*VIEWS, 0.8, 1.35, np.pi / 2 - 1e-5])
+@pytest.mark.usefixtures("statistical")
 def test_no_material_reflects_more_than_it_receives(kind, shape, theta):
     """The white furnace: the reflected share of every view is at most 1, by quadrature from slopes of 1e-8
     on.

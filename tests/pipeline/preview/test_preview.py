@@ -16,6 +16,7 @@ from renderer import RenderScene, build, render
 from renderer.math.vectors import Floats
 from scenes.errors import PenumbraError
 from scenes.images.exr import read_texture
+from tests.kit.library import library_cases
 
 SMALL = {"xresolution": 64, "yresolution": 48}
 PENUMBRA_PIXEL, SKY_PIXEL = (30, 36), (32, 30)
@@ -114,7 +115,7 @@ def test_a_pixel_outside_is_refused(soft: RenderScene, pixel: tuple[int, int]) -
         tried(soft, "area", pixel)
 
 
-@pytest.mark.parametrize("name", [scene.name for scene in scenes.library()])
+@pytest.mark.parametrize("name", library_cases())
 def test_the_view_holds_the_camera_and_what_it_sees(name: str) -> None:
     """For each scene: everything labelled, and the camera's screen, fall inside the picture."""
     scene = build(scenes.load(name, SMALL))

@@ -62,6 +62,7 @@ def test_the_error_grows_with_the_light_and_with_the_edge_s_height(penumbra: Pat
         assert score(run, study, over, 2.0, "umbra-leak") == 0.0
 
 
+@pytest.mark.usefixtures("statistical")
 def test_the_widths_of_a_run_are_told(penumbra: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Exact: by the closed form; of the images: within a tenth where the penumbra is five rows wide or
     more.

@@ -69,6 +69,7 @@ def test_rare_finds_beside_a_lamp_raise_no_alarm() -> None:
     assert alarms <= 3  # 3 families of 1e-3 each: 0.6 on average, 4 and more in 0.3 % of all cases
 
 
+@pytest.mark.usefixtures("statistical")
 def test_finds_on_top_of_what_all_samples_see_raise_no_alarm() -> None:
     """As balance MIS in an open scene: 2 % of the light comes in finds of a chance of 1/200.
 

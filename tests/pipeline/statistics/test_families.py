@@ -57,6 +57,7 @@ def test_a_region_finds_what_the_image_and_the_grid_dilute() -> None:
     assert found["corner"].smallest_detectable > found["image"].smallest_detectable
 
 
+@pytest.mark.usefixtures("statistical")
 def test_benjamini_and_hochberg_find_many_small_errors() -> None:
     """Half of the pixels off by 1.2 errors: what stands out of 6,000 by itself does so less often than all of
     them together.

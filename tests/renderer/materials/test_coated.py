@@ -144,6 +144,7 @@ def test_all_bounces_under_a_smooth_coat_are_a_geometric_series(
 
 
 @pytest.mark.parametrize(("mu_o", "mu_i", "turn"), VIEWS)
+@pytest.mark.usefixtures("statistical")
 def test_light_scattered_once_in_the_layer_is_chandrasekhars(mu_o: float, mu_i: float, turn: float) -> None:
     """a p (1 - exp(-t (1/mu_o + 1/mu_i))) / (mu_o + mu_i), over black, without contrast. Catches 1 %."""
     thickness, g = 0.7, 0.5
@@ -257,6 +258,7 @@ def test_a_coat_over_a_mirror_is_one_mirror() -> None:
 
 @pytest.mark.parametrize("alpha", [0.0, 0.02, 0.3, 1.0])
 @pytest.mark.parametrize("mu", [1.0, 0.5, 0.1])
+@pytest.mark.usefixtures("statistical")
 def test_white_under_a_coat_gains_no_energy(alpha: float, mu: float) -> None:
     """A smooth coat over white loses none either: its share is 1, to 0.5 %."""
     kind = CoatedMaterials.make([shape(Coated(Dielectric(1.5, alpha), WHITE, 0.0, max_depth=120))])
@@ -300,6 +302,7 @@ def test_lobes_tell_smooth_coats_from_rough_ones() -> None:
 
 
 @pytest.mark.parametrize("estimator", ["bsdf", "cosine", "mis", "environment"])
+@pytest.mark.usefixtures("statistical")
 def test_every_estimator_sees_a_smooth_coat_whole(estimator: str) -> None:
     """Under an even sky the radiance is F + T R (1 - r) / (1 - R r), delta lobe included. Catches 3 %."""
     mu, eta, r = math.cos(0.8), 1.5, inside_reflectance(1.5)

@@ -27,9 +27,10 @@ from scenes.pbrt.parser import parse, parse_file
 from scenes.pbrt.transforms import look_at, rotate, unit
 from scenes.pbrt.write.scene import ExportedScene, export, to_pbrt
 from tests.kit.exported import laid_out
+from tests.kit.library import library_cases
 from tests.kit.scene_texts import HEAD, PATCH, TRIANGLE, world
 
-LIBRARY = [scene.name for scene in scenes.library()]
+LIBRARY = library_cases()
 
 
 @cache
