@@ -13,7 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from email.parser import Parser
 from functools import cache
 from importlib.metadata import version
@@ -21,6 +21,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from filelock import FileLock
 
 from penumbra.rooms import ROOMS
 from scenes import library
@@ -85,24 +86,55 @@ def _python(wanted: str) -> str | None:
     return found if found is not None and _works(found, wanted) else None
 
 
+def _environment(version: str, folder: Path) -> Path:
+    """A fresh environment of this Python in `folder`; its bin folder."""
+    python = _python(version)
+    if python is None:
+        pytest.skip(f"there is no Python {version} with venv here")
+    _done([python, "-m", "venv", "env"], folder)
+    return folder / "env" / "bin"
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """One folder for all workers: what is built and installed there serves each of them. The last one to end
+    removes it, 800 MB.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "wheel"
+    own = folder / f"user-{os.getpid()}"
+    lock = FileLock(f"{folder}.lock")
+    with lock:
+        folder.mkdir(exist_ok=True)
+        own.touch()
+    yield folder
+    with lock:
+        own.unlink()
+        if not list(folder.glob("user-*")):
+            shutil.rmtree(folder)
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
-    _done([_base(), "-m", "venv", "builder"], folder)
-    _done(["builder/bin/pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", "dist", ROOT], folder)
-    (built,) = (folder / "dist").iterdir()
+def wheel(shared: Path) -> Path:
+    with FileLock(f"{shared}.lock"):
+        if not (shared / "dist").exists():
+            pip = _environment(RUNNING, shared) / "pip"
+            _done([pip, "wheel", "--quiet", "--no-deps", "--wheel-dir", "building", ROOT], shared)
+            (shared / "building").rename(shared / "dist")
+    (built,) = (shared / "dist").iterdir()
     return built
 
 
 @pytest.fixture(scope="module", params=[RUNNING, *(pytest.param(v, marks=pytest.mark.slow) for v in OTHERS)])
-def installed(wheel: Path, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def installed(wheel: Path, shared: Path, request: pytest.FixtureRequest) -> Path:
     """The environment's bin folder. Bytecode is left to the first use."""
-    python = _python(request.param)
-    if python is None:
-        pytest.skip(f"there is no Python {request.param} with venv here")
-    folder = tmp_path_factory.mktemp("clean")
-    _done([python, "-m", "venv", "env"], folder)
-    _done(["env/bin/pip", "install", "--quiet", "--no-compile", wheel], folder, seconds=600)
+    folder = shared if request.param == RUNNING else shared / request.param
+    with FileLock(f"{shared}.lock"):
+        if not (folder / "installed").exists():
+            folder.mkdir(exist_ok=True)
+            env = folder / "env" / "bin" if request.param == RUNNING else _environment(request.param, folder)
+            _done([env / "pip", "install", "--quiet", "--no-compile", wheel], folder, seconds=600)
+            (folder / "installed").touch()
     return folder / "env" / "bin"
 
 
