@@ -77,6 +77,11 @@ class Report:
         """One line for each kind of note, with its first place and how many more there are."""
         return _placed(self._notes)
 
+    @property
+    def substitutes(self) -> bool:
+        """Whether what has a nearest is rendered as that."""
+        return self._substitute
+
     def substitute(self, what: str, nearest: str, where: Location) -> None:
         """Refuse a place unless it may be rendered as the nearest that is simulated."""
         if self._substitute:

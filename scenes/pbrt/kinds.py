@@ -51,7 +51,7 @@ def _read() -> dict[str, tuple[Collection[str], Collection[str]]]:
     """By directive the kinds that are rendered, and those that have a stand-in."""
     transport = (*integrator.PATHS, *integrator.TRANSPORT, "ambientocclusion")
     return {
-        "Camera": (camera.KINDS, ()),
+        "Camera": (_but(camera.KINDS, camera.STAND_INS), camera.STAND_INS),
         "Film": (camera.FILMS, ()),
         "PixelFilter": (FILTERS, camera.SHARPENING),
         "Sampler": (integrator.SAMPLERS, ()),

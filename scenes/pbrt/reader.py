@@ -188,9 +188,10 @@ class Reader:
         self._options[token.text] = partial(self._attempt, token, mean)
 
     def _set_options(self) -> None:
-        """Give each option its meaning: the last one of its name holds."""
+        """Give each option its meaning: the last one of its name holds; a camera's may hang on the film."""
         options, self._options = self._options, {}
-        for set_option in options.values():
+        camera = options.pop("Camera", None)
+        for set_option in (*options.values(), *([] if camera is None else [camera])):
             set_option()
 
     def _need_world(self, token: Token) -> None:

@@ -167,7 +167,7 @@ class Builder:
     with the object that each shape is part of. interfaces: how many shapes light passes through.
 
     without_lights: where `Integrator` says that lights are not to be sampled. full_size: of the film before
-    its crop, x0, x1, y0, y1 in pixels. exposure: seconds that the shutter is open.
+    its crop, x0, x1, y0, y1 in pixels. diagonal: of the film, mm. exposure: seconds that the shutter is open.
     """
 
     report: Report = field(default_factory=Report)
@@ -177,6 +177,7 @@ class Builder:
     screen_window: Array | None = None
     full_size: tuple[int, int] = (1280, 720)
     crop: tuple[int, int, int, int] | None = None
+    diagonal: float = 35.0
     exposure: float = 1.0
     iso: float = 100.0
     film: Film = field(default_factory=lambda: Film(1280, 720, "", DEFAULT_FILTER))

@@ -17,6 +17,7 @@ from scenes.description.scene import (
     SphericalCamera,
 )
 from scenes.errors import SceneError
+from scenes.pbrt.directives.realistic import thin_lens
 from scenes.pbrt.state import DEFAULT_FILTER, FILTERS, Builder, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
 from scenes.pbrt.transforms import FLAT, rigid
@@ -79,7 +80,23 @@ def _spherical(builder: Builder, parameters: Parameters, _: Lens | None) -> Came
     return SphericalCamera(builder.state.transform.inverse if to_world is None else to_world, mapping)
 
 
-KINDS = {"perspective": _perspective, "orthographic": _orthographic, "spherical": _spherical}
+def _realistic(builder: Builder, parameters: Parameters, _: Lens | None) -> Camera:
+    parameters.substitute("", 'Camera "realistic"', "as a thin lens of its focal length")
+    parameters.ignore()
+    if not builder.report.substitutes:
+        return builder.camera
+    found = thin_lens(parameters, builder.diagonal, builder.full_size)
+    builder.exposure *= found.share
+    return PerspectiveCamera(builder.state.transform.inverse, found.fov, lens=found.lens)
+
+
+KINDS = {
+    "perspective": _perspective,
+    "orthographic": _orthographic,
+    "spherical": _spherical,
+    "realistic": _realistic,
+}
+STAND_INS = ("realistic",)  # the kinds that --substitute renders as something else
 MAPPINGS = ("equalarea", "equirectangular")
 
 
@@ -151,7 +168,7 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
     builder.crop = _crop(parameters, size)
     x0, x1, y0, y1 = builder.crop or (0, size[0], 0, size[1])
     parameters.flag("savefp16", True)  # how pbrt stores its file; images here are float32
-    parameters.number("diagonal", 35.0)  # of effect on pbrt's realistic camera alone
+    builder.diagonal = parameters.number("diagonal", 35.0)  # mm, of effect on a realistic camera alone
     if kind != "rgb":
         parameters.ignore()  # what pbrt stores beside the image
     builder.film = Film(x1 - x0, y1 - y0, parameters.text("filename", ""), builder.film.pixel_filter)

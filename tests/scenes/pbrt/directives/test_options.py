@@ -130,7 +130,7 @@ def test_defaults_are_no_part_of_the_content() -> None:
 @pytest.mark.parametrize(
     ("line", "column", "words"),
     [
-        ('Camera "realistic"', 1, ('"perspective"', '"orthographic"')),
+        ('Camera "realistic"', 1, ('"realistic"', "--substitute")),
         ('Camera "perspective" "float fov" 180', 22, ("180",)),
         ('Camera "perspective" "float fov" 0', 22, ("0",)),
         ('Camera "perspective" "float focaldistance" 0 "float lensradius" .1', 22, ("positive",)),
