@@ -15,12 +15,14 @@ from pipeline.console.options import AsJson, Quiet
 if TYPE_CHECKING:
     from pipeline.convert.document import Document
 
-KINDS = (".xml",)
+KINDS = (".xml", ".gltf", ".glb")
 
 
-@command(105, ("convert scene.xml -o scene.pbrt", ""))
+@command(105, ("convert scene.xml -o scene.pbrt", "Mitsuba's XML, or glTF 2.0"))
 def convert(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="Mitsuba 3 XML.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help="Mitsuba 3 XML, or glTF 2.0 as .gltf or .glb.")
+    ],
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="OUT.pbrt", help="Where to write; images go beside it."),
@@ -32,7 +34,7 @@ def convert(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a scene of Mitsuba 3 as a pbrt-v4 file of its direct light.
+    """Write a scene of Mitsuba 3 or of glTF 2.0 as a pbrt-v4 file of its direct light.
 
     What is not as the original has it is listed on stderr, a line each kind.
 
@@ -40,7 +42,7 @@ def convert(
 
       penumbra convert cornell.xml -D spp=64 -o cornell.pbrt
 
-      penumbra convert cornell.xml -o cornell.pbrt --json
+      penumbra convert chair.glb -o chair.pbrt --json
     """
     from pipeline.console.console import Console
     from pipeline.convert.document import write
@@ -84,6 +86,12 @@ def _document(source: Path, stem: str, define: Sequence[str]) -> Document:
     outside = bool(os.environ.get(ALLOW_OUTSIDE))
     if source.suffix.lower() not in KINDS:
         raise PenumbraError(f"{source}: cannot tell the format; there are: {', '.join(KINDS)}")
-    from pipeline.convert.mitsuba.scene import convert as from_mitsuba
+    if source.suffix.lower() == ".xml":
+        from pipeline.convert.mitsuba.scene import convert as from_mitsuba
 
-    return from_mitsuba(source, given, stem, outside)
+        return from_mitsuba(source, given, stem, outside)
+    from pipeline.convert.gltf.scene import convert as from_gltf
+
+    if given:
+        raise PenumbraError("-D is for Mitsuba's XML: glTF has no parameters")
+    return from_gltf(source, stem, outside)
