@@ -49,7 +49,7 @@ class SelfBackend:
         return f"penumbra {fingerprint()} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """What the estimator itself says, or that there is none for the quantity."""
+        """The estimator's own reason, or that there is none for the quantity."""
         estimator = ESTIMATOR_OF[quantity]
         if estimator not in ESTIMATORS.names():
             return f"there is no estimator of {quantity} here"

@@ -117,7 +117,9 @@ class RenderScene:
 
     @cached_property
     def bounds(self) -> tuple[Bounds, ...]:
-        """Of each shape, worked out where they are asked for: that of thousands costs more than they do."""
+        """The bounds of each shape, worked out where they are asked for: that of thousands costs more than
+        they do.
+        """
         return tuple(s.geometry.bounds() for s in self.description.shapes)
 
     @property
@@ -258,7 +260,7 @@ def _is_unmet(source: Source) -> bool:
 
 
 def _environment(kinds: Sequence[LightGroup]) -> tuple[Surroundings, int] | None:
-    """What surrounds the scene, one light at most, and its number."""
+    """The light that surrounds the scene, one at most, and its number."""
     first = 0
     for kind in kinds:
         if isinstance(kind, Surroundings):

@@ -198,7 +198,7 @@ def _(description: SphericalCamera, film: Film) -> Camera:
 
 
 def _equal_area(place: Floats) -> Floats:
-    """By the map of environments, which a filter may reach beyond."""
+    """Directions by the map of environments, which a filter may reach beyond."""
     return square_to_sphere(around_edges(place))
 
 

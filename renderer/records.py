@@ -1,4 +1,4 @@
-"""What the stages of the wavefront hand to each other."""
+"""The records that the stages of the wavefront hand to each other."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class RenderResult:
 
 @dataclass(frozen=True, eq=False)
 class RenderJob:
-    """What every chunk needs."""
+    """The data that every chunk needs."""
 
     scene: RenderScene
     plan: RenderPlan
@@ -247,8 +247,8 @@ def _samples(
 def _first_hits(
     scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats
 ) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
-    """What camera rays from o (3, n) or (3, 1) along d (3, n) meet: the points to shade, the emission seen
-    (3, n), and the rows (m,) of those points.
+    """The first hits of camera rays from o (3, n) or (3, 1) along d (3, n): the points to shade, the
+    emission seen (3, n), and the rows (m,) of those points.
     """
     t, shape, triangle, primitive = _nearest(scene, plan, o, d)
     if scene.cutouts is not None:
@@ -264,7 +264,7 @@ def _first_hits(
 def _nearest(
     scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats, left: SurfaceHit | None = None
 ) -> tuple[Floats, Integers, Integers, Integers]:
-    """What rays from o (3, n) or (3, 1) along d (3, n) meet first: distance (n,), inf for nothing, and the
+    """The first hits of rays from o (3, n) or (3, 1) along d (3, n): distance (n,), inf for nothing, and the
     shape, triangle and analytic primitive (n,), -1 for none. left: the points that they leave surfaces at.
     """
     none = np.full(d.shape[1], -1, dtype=np.int64)

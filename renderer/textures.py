@@ -40,8 +40,8 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """What textures look at. uv: (2, n) coordinates. p: (3, n) points. n: (3, n) geometric normals, of either
-    side.
+    """The places that textures look at. uv: (2, n) coordinates. p: (3, n) points. n: (3, n) geometric
+    normals, of either side.
     """
 
     uv: Floats
@@ -192,7 +192,7 @@ def _(texture: Marble) -> Floats:
 
 @brightest.register
 def _(texture: ImageTexture) -> Floats:
-    """What an image becomes rises or falls with what is found in it."""
+    """An image's values rise or fall with the texels."""
     image = texture.image
     least = np.zeros(3) if texture.wrap == "black" else image.min(axis=(0, 1))
     return np.maximum(texture.value(least), texture.value(image.max(axis=(0, 1))))

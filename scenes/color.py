@@ -77,7 +77,7 @@ _TABLE = Path(__file__).parent / "data" / "metals.csv"
 
 
 def blackbody(kelvin: float, role: Role = "illuminant") -> Array:
-    """What pbrt's image shows of a `blackbody` of a temperature in kelvin: (3,) linear sRGB.
+    """The colour of a `blackbody` of a temperature in kelvin in pbrt's image: (3,) linear sRGB.
 
     A light of it has luminance 1; in another role the spectrum is 1 at its peak, as pbrt's is. PenumbraError
     outside [100, 1e9] K.

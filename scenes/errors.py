@@ -37,19 +37,19 @@ class SceneError(PenumbraError):
         super().__init__("\n".join([first, *further]))
 
     def __reduce__(self) -> tuple[type[SceneError], tuple[str, Location | None, tuple[str, ...]]]:
-        """For workers in other processes, whose errors are pickled: the lines stay lines."""
+        """Keep the lines apart where a worker's error is pickled."""
         return type(self), (self.message, self.location, self.further)
 
 
 class Unsupported(SceneError):
-    """What the format allows and nothing here simulates.
+    """The format allows it, and nothing here simulates it.
 
     A parser that meets it reads on, to name all of them at once.
     """
 
 
 class Report:
-    """What of a scene is not simulated, each kind with its places.
+    """The kinds of things in a scene that are not simulated, with their places.
 
     strict: whether a place that a note would do for is refused as well. substitute: whether what has a
     nearest is rendered as that.
@@ -138,8 +138,8 @@ def _others(places: dict[Location, None]) -> str:
 
 
 def _one_line(text: str) -> str:
-    """What a file says, fit for a terminal: control characters spelled out, and the middle of long nonsense
-    left out.
+    """The words of a file, fit for a terminal: control characters spelled out, and the middle of long
+    nonsense left out.
     """
     text = (
         text if len(text) <= 1200 else text[:600] + text[-600:]

@@ -77,7 +77,7 @@ def _feed(digest: Any, value: object) -> None:
 
 
 def _items(value: object) -> tuple[str, list[object]]:
-    """What tells the kind and the length of a compound value, and its items in order."""
+    """A mark of the kind and the length of a compound value, and its items in order."""
     if is_dataclass(value) and not isinstance(value, type):
         content = [item.name for item in fields(value) if item.metadata.get("content", True)]
         pairs = {name: getattr(value, name) for name in content}

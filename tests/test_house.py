@@ -187,3 +187,10 @@ def test_entries_have_distinct_titles(kind: str) -> None:
     titles = {name: getattr(entry, "title", "") for name, entry in registries()[kind].items()}
     assert all(titles.values()), titles
     assert len(set(titles.values())) == len(titles), titles
+
+
+def test_docstrings_say_what_a_thing_is() -> None:
+    """None begins with "What", and none says only where else to look."""
+    vague = re.compile(r"What |See `[^`]*`\.$")
+    found = {path.name: text for path in SOURCES for text in _docstrings(path) if vague.match(text)}
+    assert not found

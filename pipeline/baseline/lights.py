@@ -39,7 +39,9 @@ DIRECTIONS = 2**14  # to take the mean of an environment over
 
 
 def of_shape(shape: ShapeDescription, view: View) -> Iterator[SizelessLight]:
-    """What stands for an emitting shape; a sphere that shines inwards is none of these, see `ambient`."""
+    """The light that stands for an emitting shape; a sphere that shines inwards is none of these, see
+    `ambient`.
+    """
     if shape.emission is None or encloses(shape):
         return
     emission = mean_emission(shape.emission) * view.scale**2

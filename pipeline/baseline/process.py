@@ -32,7 +32,7 @@ _Found = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """What pyrender drew.
+    """An image that pyrender drew.
 
     image: (h, w, 3) linear radiance. depth: (h, w), along the view and in the scene's units, infinite where
     nothing is. near, far: the depths of the clipping planes, in the same units. seconds, cpu: of drawing and

@@ -74,7 +74,7 @@ def make_view(camera: Camera) -> View:
 
 
 def _background(scene: SceneDescription, view: View, skies: tuple[Environment, ...]) -> Array:
-    """What is seen where no surface is, (h, w, 3), along the ray through each pixel's middle."""
+    """The background where no surface is seen, (h, w, 3), along the ray through each pixel's middle."""
     w, h = scene.film.width, scene.film.height
     image = np.zeros((h, w, 3))
     if not skies:

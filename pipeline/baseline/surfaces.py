@@ -14,8 +14,8 @@ SPHERE_SAG = 3e-4  # of the radius: the most that a triangle lies below its sphe
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """From world space into that of an OpenGL camera. origin: (3,); axes: (3, 3), its rows right, up and
-    backwards, unit.
+    """The map from world space into that of an OpenGL camera. origin: (3,); axes: (3, 3), its rows right, up
+    and backwards, unit.
     """
 
     origin: Array

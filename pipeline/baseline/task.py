@@ -1,4 +1,4 @@
-"""What the worker is given: plain dataclasses and arrays, in the space of an OpenGL camera.
+"""The worker's task: plain dataclasses and arrays, in the space of an OpenGL camera.
 
 That space has the camera at its origin, x to the right, y up and the view along -z, and the farthest corner
 in view at depth 1, so that float32 serves the camera rather than some far origin.

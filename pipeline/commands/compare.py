@@ -105,7 +105,7 @@ def compare(
 
 
 def _warnings(image: Path, truth: Path) -> list[str]:
-    """What the files themselves say against comparing them: another scene, or samples that cannot be
+    """Reasons in the files themselves not to compare them: another scene, or samples that cannot be
     trusted.
     """
     from scenes.images.exr import read_exr

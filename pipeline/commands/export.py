@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Target(StrEnum):
-    """What the text is for."""
+    """The program that the text is for."""
 
     PBRT = "pbrt"
     MITSUBA = "mitsuba"

@@ -91,7 +91,7 @@ def _request(
     seed: int,
     quantity: str | None,
 ) -> ReferenceRequest:
-    """What is asked for; PenumbraError naming the option that is wrong."""
+    """The request that the options make; PenumbraError naming the option that is wrong."""
     from typing import cast, get_args
 
     from pipeline.references.protocol import MIN_BATCHES, Quantity, ReferenceRequest

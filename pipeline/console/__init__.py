@@ -1,1 +1,3 @@
-"""What commands share: their declaration, options, the scene they are asked for, and the console."""
+"""The parts that commands share: their declaration, options, the scene they are asked for, and the
+console.
+"""

@@ -1,4 +1,4 @@
-"""What a command says: figures on stdout, as a table or as JSON; progress and notes on stderr."""
+"""The voice of a command: figures on stdout, as a table or as JSON; progress and notes on stderr."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ DIRECT = 'Integrator "path" "integer maxdepth" [ 1 ]'
 
 @dataclass(eq=False)
 class Losses:
-    """What is not as the original has it: one line a kind, with the first place and how many more."""
+    """The losses of a conversion: one line a kind, with the first place and how many more."""
 
     _kinds: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 

@@ -1,4 +1,4 @@
-"""What an estimator does at one pixel: the points that are seen in it, and every direction that is tried from
+"""An estimator at work at one pixel: the points that are seen in it, and every direction that is tried from
 them.
 """
 
@@ -94,7 +94,6 @@ class _Recorder:
     def witness(
         self, hit: SurfaceHit, wi: Floats, dist: Floats, useful: NDArray[np.bool_], hidden: NDArray[np.bool_]
     ) -> None:
-        """See `renderer.plan.plan.Witness`."""
         self.told.append((hit, wi, dist, useful, hidden))
 
     def probe(self) -> Estimator:
@@ -123,7 +122,6 @@ class _Watched(Estimator):
         return self.inner.dimensions(scene)
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         return self.watched(scene, plan, hit, u)
 
 

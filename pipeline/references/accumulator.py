@@ -32,7 +32,7 @@ class Accumulator:
     seconds: float = 0.0
 
     def add(self, image: Image, spp: int, seconds: float) -> Accumulator:
-        """With one more batch: `image` (h, w, 3), the mean of `spp` samples a pixel."""
+        """The accumulator with one more batch: `image` (h, w, 3), the mean of `spp` samples a pixel."""
         total = self.spp + spp
         delta = image - self.mean
         mean = self.mean + delta * (spp / total)

@@ -113,7 +113,7 @@ def key_for(scene_hash: str, backend: str, version: str, request: ReferenceReque
 
 
 def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
-    """What a record says of the reference; rms_standard_error is over pixels and channels, the image's path
+    """The reference as a record names it; rms_standard_error is over pixels and channels, the image's path
     relative to `run_folder`.
     """
     image = stored.image
@@ -173,7 +173,7 @@ def _make(
 
 
 def _start(stored: StoredReference | None, unfinished: Accumulator | None) -> Accumulator | None:
-    """What there is most of."""
+    """The larger of the two starts."""
     done = to_accumulator(stored.image) if stored and stored.image.batches > 1 else None
     found = [accumulator for accumulator in (done, unfinished) if accumulator]
     return max(found, key=lambda accumulator: accumulator.spp, default=None)

@@ -39,7 +39,7 @@ class Unfinished:
     next_save: float = field(default_factory=lambda: time.monotonic() + SAVE_EVERY)
 
     def read(self, film: Film) -> Accumulator | None:
-        """What an interrupted call left, None if there is nothing or nothing whole."""
+        """The work that an interrupted call left, None if there is nothing or nothing whole."""
         if not self.path.is_file():
             return None
         try:

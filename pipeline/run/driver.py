@@ -33,7 +33,7 @@ SCENES = "scenes"
 
 @dataclass(frozen=True)
 class Summary:
-    """What a run did. made: references, cells and scores made anew; the rest was there. failures: in
+    """The outcome of a run. made: references, cells and scores made anew; the rest was there. failures: in
     words.
     """
 
@@ -111,7 +111,7 @@ def _version(backend: str) -> str:
 
 
 def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
-    """What to ask for each reference, by key: the most that a study wants of it, so that all studies see the
+    """The request for each reference, by key: the most that a study wants of it, so that all studies see the
     same image.
     """
     requests: dict[str, ReferenceRequest] = {}

@@ -74,7 +74,7 @@ class StudyPlan:
 
     @property
     def request(self) -> ReferenceRequest:
-        """What to ask of the reference backend."""
+        """The request to the reference backend."""
         reference, quantity = self.study.reference, quantity_of(self.study.axes.estimator, self.study.name)
         return ReferenceRequest(
             spp=reference.spp, batches=reference.batches, seed=reference.seed, quantity=quantity
@@ -114,7 +114,9 @@ def _unknown_names(sweep: Sweep) -> Iterator[str]:
 
 
 def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
-    """What they all estimate; PenumbraError where it is not one thing, since one reference serves a study."""
+    """The quantity that all of them estimate; PenumbraError where it is not one thing, since one reference
+    serves a study.
+    """
     quantities = {name: ESTIMATORS[name].quantity for name in estimators}
     if len(set(quantities.values())) > 1:
         given = ", ".join(f"{name} estimates {quantity}" for name, quantity in quantities.items())

@@ -130,7 +130,7 @@ def _seconds(scene: PreparedScene, result: RenderResult) -> Seconds:
 
 
 def statistics(result: RenderResult) -> SampleStatistics:
-    """What the samples of a render say of it."""
+    """The statistics of a render's samples."""
     film = result.film
     return sample_statistics(
         mean=film.mean,

@@ -37,7 +37,7 @@ def region_map(root: Path, scene: PreparedScene) -> tuple[RegionMap, Regions] | 
 
 
 def _read(entry: Path) -> tuple[RegionMap, Regions] | None:
-    """What is there and whole."""
+    """The region map that is there and whole."""
     if not entry.is_dir() or damage(entry):
         return None
     described = RegionMap.model_validate_json((entry / MAP).read_text(encoding="utf-8"))

@@ -1,1 +1,1 @@
-"""What is written as JSON and read from TOML: pydantic models."""
+"""Pydantic models of what is written as JSON and read from TOML."""

@@ -1,4 +1,5 @@
-"""What a run is to hold: the sweep as validated, its cells by key, and what was left out and why.
+"""The contents that a run is to have: the sweep as validated, its cells by key, and what was left out and
+why.
 
 `manifest.json` is written before the first image; whatever it names and the folder lacks is still to be made.
 """
@@ -59,7 +60,7 @@ class Manifest(_Frozen):
 
 
 def replaces(old: Manifest, new: Manifest) -> str | None:
-    """What would be forgotten if `new` took the place of `old`, in words; None where nothing would.
+    """The loss if `new` took the place of `old`, in words; None where there is none.
 
     The same sweep may go on, also with changed code, and a sweep that was added to or is scored otherwise.
     Another sweep would leave cells in the folder that no manifest names.

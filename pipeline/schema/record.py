@@ -1,4 +1,4 @@
-"""What a run leaves behind, as versioned JSON: the job, what it cost, what it measured, and what made it.
+"""The records of a run, as versioned JSON: the job, what it cost, what it measured, and what made it.
 
 Every number that a report shows comes from here. Units: seconds; radiance in W/(m^2 sr); counts of rays. A
 record is read back as it was: NaN and infinities, which JSON lacks, are the strings "NaN", "Infinity" and
@@ -57,7 +57,7 @@ class PlanDecision(_Frozen):
 
 
 class SampleStatistics(_Frozen):
-    """What the samples themselves say of the estimate, without any reference.
+    """Statistics of the samples themselves, without any reference.
 
     noise: root mean square over pixels and channels of the standard error that independent samples would
     have. max_share: the largest reflected sample's share in all the reflected light of the image; in one
@@ -77,7 +77,7 @@ class SampleStatistics(_Frozen):
 
 
 class Provenance(_Frozen):
-    """What made a record."""
+    """The versions, the commit and the machine that made a record."""
 
     penumbra: str
     renderer: str = Field(description="fingerprint of the renderer's and the scenes' sources")

@@ -79,7 +79,7 @@ class _Strict(BaseModel):
 
 
 class ReferenceDeclaration(_Strict):
-    """What the images are measured against; spp and batches as in `ReferenceRequest`."""
+    """The reference that images are measured against; spp and batches as in `ReferenceRequest`."""
 
     backend: str = "mitsuba"
     spp: int = Field(default=4096, ge=2)

@@ -1,1 +1,1 @@
-"""What the numbers may be trusted for: tails of samples, tests between images, intervals, slopes."""
+"""Trust in numbers: tails of samples, tests between images, intervals, slopes."""

@@ -1,5 +1,7 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""What is used of SciPy here, with types: quantiles and tails of distributions, a root, box filters."""
+"""The functions of SciPy in use here, with types: quantiles and tails of distributions, a root, box
+filters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What made a record: versions, commit, machine.
+"""Provenance: the versions, the commit and the machine that made a record.
 
 Found out once a process, stamped with the time on every record.
 """
@@ -30,7 +30,7 @@ PACKAGES = (
 
 
 def provenance() -> Provenance:
-    """Of this process, now."""
+    """The provenance of this process, now."""
     return _of_this_process().model_copy(update={"created": datetime.now(UTC).isoformat(timespec="seconds")})
 
 

@@ -166,7 +166,7 @@ class FinishedCell:
 
 @dataclass(frozen=True)
 class FinishedStudy:
-    """What a run has of one study. missing: cells not rendered yet, or damaged."""
+    """The finished part of one study. missing: cells not rendered yet, or damaged."""
 
     study: Study
     cells: tuple[FinishedCell, ...]

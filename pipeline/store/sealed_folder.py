@@ -44,7 +44,7 @@ def _replace(draft: Path, final: Path, scratch: Path) -> None:
 
 
 def damage(entry: Path) -> str | None:
-    """What is wrong with an entry, in words: a file that is missing or was altered since it was sealed.
+    """The damage to an entry, in words: a file that is missing or was altered since it was sealed.
 
     None: it is whole.
     """

@@ -179,7 +179,9 @@ def _render(
 
 
 def _standard_error(variance: NDArray[np.float64]) -> float:
-    """Of the mean over pixels and channels, these fully correlated. variance: (h, w, 3)."""
+    """The standard error of the mean over pixels and channels, these fully correlated. variance: (h, w,
+    3).
+    """
     deviation = np.sqrt(variance).mean(axis=2)
     return float(np.sqrt((deviation * deviation).sum()) / deviation.size)
 

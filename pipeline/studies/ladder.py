@@ -85,7 +85,7 @@ def rectangle(geometry: str, h: float) -> Setting:
 
 
 def disk(geometry: str, h: float) -> Setting:
-    """Of diameter 1, overhead at height h, or standing on the floor at distance h."""
+    """A disk of diameter 1, overhead at height h, or standing on the floor at distance h."""
     center = np.array([0, h, 0]) if geometry == "parallel" else np.array([0, 0.5, 0])
     normal = np.array([0.0, -1, 0]) if geometry == "parallel" else np.array([0.0, 0, 1])
     point = np.zeros(3) if geometry == "parallel" else np.array([0, 0, h])
@@ -94,8 +94,8 @@ def disk(geometry: str, h: float) -> Setting:
 
 
 def sphere(geometry: str, h: float) -> Setting:
-    """Of diameter 1, its lowest point at height h, or standing on the floor, the point h away from where it
-    stands.
+    """A sphere of diameter 1, its lowest point at height h, or standing on the floor, the point h away from
+    where it stands.
     """
     center = np.array([0, h + 0.5, 0]) if geometry == "parallel" else np.array([0, 0.5, 0])
     point = np.zeros(3) if geometry == "parallel" else np.array([0, 0, h])

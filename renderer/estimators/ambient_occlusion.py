@@ -35,7 +35,6 @@ class AmbientOcclusion(Estimator):
         return 2
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         n = hit.p.shape[1]
         if n == 0:
             return Reflected(np.zeros((3, 0)), 0)

@@ -49,7 +49,6 @@ class AnalyticVisibility(Estimator):
         return 2 if len(scene.lights) == 1 else 3
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         n = hit.p.shape[1]
         if n == 0:
             return Reflected(np.zeros((3, 0)), 0)

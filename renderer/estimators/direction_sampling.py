@@ -48,7 +48,6 @@ class DirectionSampling(Estimator):
         return 2 + several + (2 if _has_extent(scene).any() else 0)
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         if hit.p.shape[1] == 0:
             return Reflected(np.zeros((3, 0)), 0)
         fixed = by_delta(scene, plan, hit, u[2:])

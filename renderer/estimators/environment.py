@@ -29,7 +29,6 @@ class EnvironmentSampling(Estimator):
         return 2 if len(scene.lights) == 1 else 3
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         return by_light(scene, plan, hit, u, *BEST)
 
 

@@ -40,7 +40,6 @@ class LightSampling(Estimator):
         return 2 if len(scene.lights) == 1 else 3
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         return by_light(scene, plan, hit, u, self.name)
 
 

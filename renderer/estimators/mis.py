@@ -55,7 +55,6 @@ class MultipleImportance(Estimator):
         return 4 if len(scene.lights) == 1 else 5
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """See `Estimator`."""
         if hit.p.shape[1] == 0:
             return Reflected(np.zeros((3, 0)), 0)
         techniques = supporting_techniques(scene, *self.preferred)

@@ -63,7 +63,7 @@ class Cutouts:
 
 
 def cutouts(shapes: Sequence[ShapeDescription], coordinates: Coordinates | None) -> Cutouts | None:
-    """Of a scene in which some shape has an alpha, else None."""
+    """The cutouts of a scene in which some shape has an alpha, else None."""
     alphas = tuple((i, s.alpha) for i, s in enumerate(shapes) if s.alpha is not None)
     if not alphas:
         return None

@@ -21,7 +21,7 @@ FULL_TURN = 2 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What of each surface is there; arrays that broadcast. phimax: radians. inner: of disks."""
+    """The part of each surface that is there; arrays that broadcast. phimax: radians. inner: of disks."""
 
     radius: Floats
     zmin: Floats

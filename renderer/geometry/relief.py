@@ -99,7 +99,7 @@ def _bumped(relief: Bump, at: Places, frame: Frame) -> Floats:
 def reliefs(
     shapes: Sequence[ShapeDescription], coordinates: Coordinates | None, smooth: ShadingNormals | None
 ) -> Reliefs | None:
-    """Of a scene in which some shape has a relief, else None."""
+    """The reliefs of a scene in which some shape has a relief, else None."""
     all_ = tuple((i, s.relief) for i, s in enumerate(shapes) if s.relief is not None)
     if not all_ or coordinates is None:
         return None

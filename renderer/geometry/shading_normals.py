@@ -19,7 +19,7 @@ from scenes.description.shapes import Mesh, ShapeDescription, TriangleMesh, vert
 
 @dataclass(frozen=True, eq=False)
 class ShadingNormals:
-    """Of the t triangles and the k analytic primitives of a scene, in their order.
+    """Shading normals of the t triangles and the k analytic primitives of a scene, in their order.
 
     origin: (3, m) and along: (3, 3, m) for m faces, the normal is origin + along . p before it is made unit.
     of_triangle: (t,) and of_primitive: (k,) the face of each, -1 for those shaded by their geometric normal.
@@ -72,7 +72,7 @@ class ShadingNormals:
 
 
 def shading_normals(shapes: Sequence[ShapeDescription]) -> ShadingNormals | None:
-    """Of a scene in which some shape has vertex normals, else None."""
+    """The shading normals of a scene in which some shape has vertex normals, else None."""
     if all(vertex_normals(s.geometry) is None for s in shapes):
         return None
     corners: list[Floats] = []

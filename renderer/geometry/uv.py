@@ -23,7 +23,7 @@ from scenes.errors import SceneError
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Of the t triangles and the k analytic primitives of a scene, in their order.
+    """Coordinates of the t triangles and the k analytic primitives of a scene, in their order.
 
     origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and
     of_primitive: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres
@@ -135,7 +135,7 @@ def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives) -> Coordinates | None:
-    """Of a scene in which some surface varies, else None.
+    """The coordinates of a scene in which some surface varies, else None.
 
     analytic: the primitives of these shapes. SceneError for a varying patch that is no parallelogram.
     """

@@ -1,4 +1,4 @@
-"""What an estimator of reflected direct light is."""
+"""The protocol of an estimator of reflected direct light."""
 
 from __future__ import annotations
 

@@ -63,7 +63,9 @@ class MaterialKind(Protocol):
 
     @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> MaterialKind:
-        """From all shapes of a scene: a shape's index is its material's, and other kinds' rows are black."""
+        """The materials of all shapes of a scene: a shape's index is its material's, and other kinds' rows
+        are black.
+        """
         ...
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:

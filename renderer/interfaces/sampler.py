@@ -1,4 +1,4 @@
-"""What a sampler is, and the integer hash that keys them."""
+"""The protocol of a sampler, and the integer hash that keys them."""
 
 from __future__ import annotations
 

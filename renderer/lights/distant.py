@@ -27,7 +27,7 @@ class DistantLights:
 
     @classmethod
     def of(cls, own: Sequence[DistantLight]) -> DistantLights:
-        """From their descriptions; SceneError where one cannot be."""
+        """The lights of some descriptions; SceneError where one cannot be."""
         wi = [unit_vector(s.wi, "a distant light's direction", s.where) for s in own]
         facing = [light_values(s.irradiance, "a distant light's irradiance", s.where) for s in own]
         return cls(np.stack(wi, axis=1), np.stack(facing, axis=1))

@@ -50,8 +50,8 @@ class TexelDensity:
 
     @staticmethod
     def of(lit: Sequence[Floats], bright: Sequence[Floats]) -> TexelDensity:
-        """In proportion to `bright`, which is per solid angle, over the solid angles `lit`; both (h, w) for
-        each image.
+        """A distribution in proportion to `bright`, which is per solid angle, over the solid angles `lit`;
+        both (h, w) for each image.
         """
         distribution = PiecewiseConstant2D.of(
             [b / max(b.max(), TINY) * s for b, s in zip(bright, lit, strict=True)]

@@ -41,7 +41,7 @@ class GoniometricLights:
 
     @classmethod
     def of(cls, own: Sequence[GoniometricLight]) -> GoniometricLights:
-        """From their descriptions; SceneError where one cannot be."""
+        """The lights of some descriptions; SceneError where one cannot be."""
         for s in own:
             if s.image.ndim != 2 or s.image.shape[0] != s.image.shape[1] or not s.image.size:
                 raise SceneError(

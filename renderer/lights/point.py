@@ -29,7 +29,7 @@ class PointLights:
 
     @classmethod
     def of(cls, own: Sequence[PointLight]) -> PointLights:
-        """From their descriptions; SceneError where one cannot be."""
+        """The lights of some descriptions; SceneError where one cannot be."""
         position = [finite_vector(s.position, "a point light's position", s.where) for s in own]
         intensity = [light_values(s.intensity, "a point light's intensity", s.where) for s in own]
         return cls(np.stack(position, axis=1), np.stack(intensity, axis=1))

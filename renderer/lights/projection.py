@@ -47,7 +47,7 @@ class ProjectionLights:
 
     @classmethod
     def of(cls, own: Sequence[ProjectionLight]) -> ProjectionLights:
-        """From their descriptions; SceneError where one cannot be."""
+        """The lights of some descriptions; SceneError where one cannot be."""
         what = "a projection light's"
         for s in own:
             if s.image.ndim != 3 or s.image.shape[2] != 3 or not s.image.size:

@@ -72,7 +72,7 @@ class RectangleLights:
         return p, gather(self.normal, index)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`; None where one of the lights carries an image."""
+        """None where one of the lights carries an image."""
         return irradiance(self, index, ref_p, ref_n) if self.plain else None
 
     def corners(self, index: Index, p: Floats) -> tuple[Floats, Floats]:

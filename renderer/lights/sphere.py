@@ -67,13 +67,13 @@ class SphereLights:
         return gather(self.emitters.radiance, index) * np.where(emits, e, 0.0)
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """See `Surface`. From outside, the near half hides the far half: only the outer side is ever seen."""
+        """From outside, the near half hides the far half: only the outer side is ever seen."""
         d = gather(self.center, index) - ref_p
         outside = np.sqrt(dot(d, d)) > gather(self.radius, index)
         return self.emitters.emits(index, cos_light) & (outside == (cos_light * gather(self.side, index) > 0))
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`. The first point met; from inside, the wall."""
+        """The first point met; from inside, the wall."""
         d = gather(self.center, index) - origin
         r = gather(self.radius, index)
         far = np.sqrt(dot(d, d))

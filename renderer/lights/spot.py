@@ -42,7 +42,7 @@ class SpotLights:
 
     @classmethod
     def of(cls, own: Sequence[SpotLight]) -> SpotLights:
-        """From their descriptions; SceneError where one cannot be."""
+        """The lights of some descriptions; SceneError where one cannot be."""
         for s in own:
             if not 0 <= s.falloff_start <= s.cone <= 180:
                 what = (

@@ -233,7 +233,7 @@ class _Coat:
         return cls(Facets(Z, alpha, axes), gather(kind.eta, shape), kind.glossy[shape])
 
     def take(self, rows: Rows) -> _Coat:
-        """Of some rows (m,)."""
+        """The lobes of some rows (m,)."""
         axes = self.facets.axes
         if axes is not None:
             axes = (axes[0], axes[1], gather(axes[2], rows))
@@ -480,8 +480,8 @@ def _joined(a: _State, b: _State) -> _State:
 
 @dataclass(frozen=True, eq=False)
 class _Lobes:
-    """What directions of n points are drawn from. first, second: (n,) the chances of the lobes of coat and
-    base, the cosine having the rest. delta: (n,) whether the coat's lobe is one.
+    """The lobes that directions of n points are drawn from. first, second: (n,) the chances of the lobes of
+    coat and base, the cosine having the rest. delta: (n,) whether the coat's lobe is one.
     """
 
     coat: _Coat

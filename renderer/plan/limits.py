@@ -1,4 +1,4 @@
-"""What this renderer does not do and says so: lights nearer to a surface than rays can be told from it."""
+"""Limits that this renderer states: lights nearer to a surface than rays can be told from it."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ class _Proofs:
 
 
 def _proved(scene: RenderScene, black: Bools) -> _Proofs:
-    """What the proofs leave; everything in a scene that is too large for them."""
+    """The effects that the proofs leave; everything in a scene that is too large for them."""
     count, sources = len(scene), len(scene.sources.all)
     if not provable(scene):
         everything = np.ones((count, sources), dtype=np.bool_)

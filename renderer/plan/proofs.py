@@ -1,4 +1,4 @@
-"""What can be proved of a scene from planes that separate its shapes: the grounds of the plan.
+"""Proofs about a scene from planes that separate its shapes: the grounds of the plan.
 
 A shape lies between a receiver and a light only if no plane has it on one side and both of them on the other.
 The planes tried are those normal to an axis or to a flat shape.

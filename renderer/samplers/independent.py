@@ -25,7 +25,6 @@ class Independent:
     prefix: ClassVar[bool] = True
 
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
-        """See `Sampler`."""
         state = mix(key(self.seed, pixel) + sample.astype(np.uint64) * SAMPLE_STRIDE)
         out = np.zeros((count, pixel.size))
         for i in range(count):

@@ -85,7 +85,6 @@ class Sobol:
     prefix: ClassVar[bool] = True
 
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
-        """See `Sampler`."""
         out = np.zeros((count, pixel.size))
         keys, reversed_sample = key(self.seed, pixel), reverse_bits(sample.astype(np.uint32))
         for pair in range(dim // 2, (dim + count - 1) // 2 + 1 if count else 0):

@@ -68,7 +68,6 @@ class Stratified:
     prefix: ClassVar[bool] = False
 
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
-        """See `Sampler`."""
         out = np.zeros((count, pixel.size))
         keys = key(self.seed, pixel)
         for pair in range(dim // 2, (dim + count - 1) // 2 + 1 if count else 0):

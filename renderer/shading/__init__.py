@@ -1,1 +1,1 @@
-"""What estimators share: choosing lights, BSDF values, visibility, emission."""
+"""The parts that estimators share: choosing lights, BSDF values, visibility, emission."""

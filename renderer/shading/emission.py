@@ -1,4 +1,4 @@
-"""What lights look like from where they emit: their radiance at a point, with the image that some carry."""
+"""The look of lights from where they emit: their radiance at a point, with the image that some carry."""
 
 from __future__ import annotations
 

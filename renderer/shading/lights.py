@@ -1,5 +1,5 @@
-"""What estimators ask of the lights: one to sample, a direction to it, its density, and what a direction
-meets.
+"""The questions that estimators ask of the lights: one to sample, a direction to it, its density, and what a
+direction meets.
 """
 
 from __future__ import annotations
@@ -93,7 +93,6 @@ def sample_light(
 def _sampled(
     scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
 ) -> LightSample:
-    """See `sample_light`."""
     if len(techniques) == 1:
         return techniques[0].sample_direction(light, hit.p, hit.ns, u)
     n = light.size

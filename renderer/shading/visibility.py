@@ -1,4 +1,4 @@
-"""What lies in between: shadow rays from points to what they would see."""
+"""Visibility: shadow rays from points to what they would see."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a ray wi (3, n) would meet: which light (n,), -1 for none, at what distance (n,), inf for what has
+    """The aim of a ray wi (3, n): which light (n,), -1 for none, at what distance (n,), inf for what has
     none, and
     its normal there (3, n) or (3, 1), 0 where the ray ends in free space."""
 
@@ -33,8 +33,8 @@ class Seen:
 def visible(
     scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, useful: Bools, radiance: Floats
 ) -> Reflected:
-    """What arrives of `radiance` (3, n): 0 where it is not `useful` (n,), and where something lies in
-    between.
+    """The share of `radiance` (3, n) that arrives: 0 where it is not `useful` (n,), and where something lies
+    in between.
 
     Rows that are not useful may hold anything. Shadow rays are traced where the plan calls for them.
     """

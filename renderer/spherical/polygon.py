@@ -72,8 +72,8 @@ def seen_from(corner: Floats, others: Floats, ref_n: Floats) -> Polygon:
 
 
 def _clip(offset: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """What is above the horizon of polygons that cross it: offset (3, v, n), up (v, n) -> (3, v + 1, n), (v +
-    1, n).
+    """The part above the horizon of polygons that cross it: offset (3, v, n), up (v, n) -> (3, v + 1, n), (v
+    + 1, n).
 
     A convex polygon enters once and leaves once: the corners between are a run, and the two cuts end it.
     """

@@ -1,1 +1,1 @@
-"""What a scene is, once its text is read: frozen, in world space, in float64, free of any renderer."""
+"""Scenes, once their text is read: frozen, in world space, in float64, free of any renderer."""

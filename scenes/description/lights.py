@@ -149,7 +149,7 @@ class Environment:
 
 @dataclass(frozen=True, eq=False)
 class PortalLight:
-    """What a sky sends in through a rectangle; from everywhere else it is dark.
+    """A sky that shines in through a rectangle; from everywhere else it is dark.
 
     sky: an `Environment` over the whole sphere, by pbrt's own mapping. corners: (4, 3), in turn around the
     rectangle, in world space. Light passes against the cross product of the edges from the first corner to

@@ -40,7 +40,7 @@ class Diffuse:
 
 
 class Microfacets:
-    """Of GGX (Trowbridge-Reitz), remapping already done: alpha 0 is smooth.
+    """Microfacets of GGX (Trowbridge-Reitz), remapping already done: alpha 0 is smooth.
 
     alpha: along dp/du, at least 1e-4, and alpha_v: across it, None where it is alpha too.
     """
@@ -55,7 +55,7 @@ class Microfacets:
 
     @property
     def mean_alpha(self) -> float:
-        """Of isotropic microfacets with the same density of normals along the surface's."""
+        """The alpha of isotropic microfacets with the same density of normals along the surface's."""
         return self.alpha if self.alpha_v is None else float(np.sqrt(self.alpha * self.alpha_v))
 
 
@@ -98,7 +98,7 @@ class Dielectric(Microfacets):
 
     @property
     def normal_reflectance(self) -> Array:
-        """Of the boundary alone, without what is seen through it."""
+        """The boundary's alone, without what is seen through it."""
         return np.full(3, ((self.eta - 1) / (self.eta + 1)) ** 2)
 
     def map_colors(self, change: ColorMap) -> Dielectric:
@@ -129,12 +129,12 @@ class Coated:
 
     @property
     def mean_alpha(self) -> float | None:
-        """Of the base, whose colour is drawn."""
+        """The base's, whose colour is drawn."""
         return self.base.mean_alpha
 
     @property
     def normal_reflectance(self) -> Array:
-        """Of the base alone."""
+        """The base's alone."""
         return self.base.normal_reflectance
 
     def map_colors(self, change: ColorMap) -> Coated:

@@ -1,4 +1,4 @@
-"""What a scene is, once its text is read: frozen, in world space, in float64, free of any renderer.
+"""Scenes, once their text is read: frozen, in world space, in float64, free of any renderer.
 
 Conventions are pbrt-v4's: the camera space is left-handed (x right, y up, z into the scene), `fov` is the
 full angle in degrees over the shorter side of the film, radiance is linear RGB, normals are geometric and
@@ -182,7 +182,7 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class RenderDefaults:
-    """What the file asks of a renderer: `Sampler` and `Integrator`, defaults that a request may override;
+    """The file's wishes of a renderer: `Sampler` and `Integrator`, defaults that a request may override;
     None where it says nothing.
     """
 

@@ -77,7 +77,7 @@ class ImageTexture:
         return self.mapping.needs_uv
 
     def value(self, found: Array) -> Array:
-        """What the texture is where the image, looked up, is `found`: an array of the same shape."""
+        """The texture's values where the image, looked up, is `found`: an array of the same shape."""
         scaled = found * self.scale
         return np.clip(1.0 - scaled if self.invert else scaled, 0.0, 1.0 if self.clamped else None)
 

@@ -59,7 +59,7 @@ class EstimateImage:
 
 @dataclass(frozen=True, eq=False)
 class TextureHeader:
-    """What a texture's file says before its texels are read.
+    """The header of a texture's file, before its texels are read.
 
     planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. layer:
     of an EXR that these are part of, "" for none. kind: OpenImageIO's name of the format. storage: what pbrt
@@ -149,7 +149,7 @@ def read_estimate_exr(path: str | Path) -> EstimateImage:
 
 
 def texture_header(path: str | Path) -> TextureHeader:
-    """What an image file of any kind says of itself; PenumbraError naming the path where it is none, or too
+    """The header of an image file of any kind; PenumbraError naming the path where it is none, or too
     large to read.
     """
     path = _image_file(path)

@@ -24,7 +24,7 @@ RGBA = 6  # the colour type
 
 
 class Unsound(Exception):
-    """What is wrong with a PNG file."""
+    """A PNG file is broken, and how."""
 
 
 @dataclass(frozen=True)

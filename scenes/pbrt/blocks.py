@@ -28,7 +28,7 @@ class _Block:
 
 
 class Blocks:
-    """What is open at the moment."""
+    """The blocks that are open at the moment."""
 
     def __init__(self, builder: Builder) -> None:
         self._builder = builder

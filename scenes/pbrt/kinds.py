@@ -48,7 +48,7 @@ class Kinds:
 
 
 def _read() -> dict[str, tuple[Collection[str], Collection[str]]]:
-    """By directive the kinds that are rendered, and those that have a stand-in."""
+    """The kinds that are rendered, by directive, and those that have a stand-in."""
     transport = (*integrator.PATHS, *integrator.TRANSPORT, "ambientocclusion")
     return {
         "Camera": (_but(camera.KINDS, camera.STAND_INS), camera.STAND_INS),

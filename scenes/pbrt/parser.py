@@ -95,7 +95,7 @@ def parse_source(
 
 
 def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float], ...]) -> SceneDescription:
-    """What was read as a description; SceneError listing all that it asks for and is not supported."""
+    """The description of what was read; SceneError listing all that it asks for and is not supported."""
     report = builder.report
     check_media(builder)
     ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures

@@ -158,7 +158,7 @@ class Reader:
         self._mean(parameters, lambda: handler(self.builder, kind, parameters))
 
     def _mean(self, parameters: Parameters, handle: Callable[[], None]) -> None:
-        """What a directive with parameters means, once it is read whole."""
+        """Carry out a directive with parameters, once it is read whole."""
         try:
             handle()
             parameters.finish()

@@ -1,4 +1,4 @@
-"""What has been read of a scene so far, and the state of the file that the next directive meets."""
+"""A scene as far as it has been read, and the state of the file that the next directive meets."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ class AreaLight:
 
 @dataclass(frozen=True, eq=False)
 class GraphicsState:
-    """What `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said, by its
-    target. space: of `rgb`. media: None for empty space.
+    """The state that `AttributeBegin` saves and `AttributeEnd` restores. attributes: what `Attribute` said,
+    by its target. space: of `rgb`. media: None for empty space.
 
     transform: when the shutter opens. end: when it closes. active: which of the two directives change.
     """
@@ -160,7 +160,7 @@ class NamedTexture:
 
 @dataclass(eq=False)
 class Builder:
-    """What has been read of a scene so far. textures: by ("float" or "spectrum", name). objects: by name.
+    """A scene as far as it has been read. textures: by ("float" or "spectrum", name). objects: by name.
     texels: of all images.
 
     integrator: its kind and its place. media: where each is made. media_used: by the camera and the shapes,

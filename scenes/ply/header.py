@@ -1,4 +1,4 @@
-"""What the header of a PLY file declares, and how much content that takes at least.
+"""The header of a PLY file: the elements that it declares, and how much content that takes at least.
 
     ply
     format binary_little_endian 1.0       or ascii, binary_big_endian
@@ -33,7 +33,7 @@ _MAGIC = re.compile(rb"ply[ \t]*(\r\n|\n|\r)")
 
 
 class PlyError(Exception):
-    """What is wrong with a file, as the end of a sentence that begins with its name."""
+    """A file is broken: how, as the end of a sentence that begins with its name."""
 
 
 @dataclass(frozen=True)

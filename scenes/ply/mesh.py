@@ -106,8 +106,8 @@ def _read(path: Path) -> MeshFile:
 
 
 def _content(header: Header, head: bytes, path: Path) -> tuple[memoryview, int]:
-    """What the rows are read from, and the offset at which they begin there. head: the first HEADER_LIMIT
-    bytes of the file.
+    """The bytes or text that the rows are read from, and the offset at which they begin there. head: the
+    first HEADER_LIMIT bytes of the file.
     """
     limit = TEXT_LIMIT if header.ascii else FILE_LIMIT
     kind = "of an ASCII PLY file; a binary one may be longer" if header.ascii else "of a file"

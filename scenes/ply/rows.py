@@ -58,7 +58,7 @@ class Rows:
         return self._cells(column, kinds, length)
 
     def _cells(self, column: Property, kinds: list[int], width: int) -> NDArray[Any]:
-        """What rows of these kinds have in a column, in order: (k, width)."""
+        """The values of rows of these kinds in a column, in order: (k, width)."""
         size = width * column.held.itemsize
         sizes, offsets = (
             np.array([self.element.offset(stop, lengths) for lengths in self.lengths], dtype=np.int64)

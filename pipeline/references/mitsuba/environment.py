@@ -50,7 +50,9 @@ class LatitudeLongitude:
 
 
 def radiance(environment: Environment, own: Array) -> Array:
-    """What pbrt reads towards unit vectors (..., 3) of the environment's own space: (..., 3), W/(m^2 sr)."""
+    """The radiance that pbrt reads towards unit vectors (..., 3) of the environment's own space: (..., 3),
+    W/(m^2 sr).
+    """
     value = np.broadcast_to(environment.radiance, own.shape)
     if environment.image is not None:
         value = value * environment.image[_texel(environment, own)]
@@ -140,13 +142,13 @@ def _directions(polar: Array, azimuth: Array) -> Array:
 
 
 def _sum(environments: Sequence[Environment], d: Array, frame: Array) -> Array:
-    """Of all environments, towards unit vectors (..., 3) in `frame`."""
+    """The sum of all environments, towards unit vectors (..., 3) in `frame`."""
     own = (d if one.frame is frame else d @ (frame.T @ one.frame) for one in environments)
     return functools.reduce(np.add, (radiance(one, its) for one, its in zip(environments, own, strict=True)))
 
 
 def interpolated(image: Array, d: Array) -> Array:
-    """What Mitsuba reads of `image` towards d, (m, 3) in the image's own frame: (m, 3)."""
+    """The value that Mitsuba reads of `image` towards d, (m, 3) in the image's own frame: (m, 3)."""
     rows, columns = image.shape[:2]
     place = _latitude_longitude(d) * (columns, rows - 1) - (0.5, 0.0)
     low = np.floor(place).astype(np.int64)
@@ -175,8 +177,8 @@ def compare(environments: Sequence[Environment], image: Array, frame: Array) -> 
 
 
 def _irradiance(d: Array, value: Array, normals: Array) -> Array:
-    """Of surfaces with these normals (k, 3), from radiance times solid angle (m, 3) towards d (m, 3): (k,
-    3).
+    """The irradiance of surfaces with these normals (k, 3), from radiance times solid angle (m, 3) towards d
+    (m, 3): (k, 3).
     """
     return np.stack([np.maximum(d @ normal, 0.0) @ value for normal in normals])
 

@@ -1,5 +1,5 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
-"""What Mitsuba lacks of pbrt-v4, as plugins in Python: its rough metal and its pixel filters. Given mitsuba,
+"""Plugins for what Mitsuba lacks of pbrt-v4: its rough metal and its pixel filters. Given mitsuba,
 never importing it.
 
 - Mitsuba's `roughconductor` takes Smith's shadowing and masking as independent, G = G1(wi) G1(wo); pbrt's are

@@ -197,7 +197,7 @@ def _multiply(a: _Tree, b: _Tree, where: Location | None) -> _Tree:
 
 
 def _product(a: ImageTexture, b: ImageTexture, where: Location | None) -> ImageTexture:
-    """Of two images under one mapping, on the texels of both."""
+    """The product of two images under one mapping, on the texels of both."""
     same = all(getattr(a.mapping, name) == getattr(b.mapping, name) for name in ("su", "sv", "du", "dv"))
     if not (same and a.wrap == b.wrap and a.filter == b.filter == "point"):
         raise SceneError(

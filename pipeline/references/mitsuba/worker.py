@@ -169,7 +169,7 @@ def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
 
 
 def _value(mi: Any, value: Any) -> Any:
-    """What `Plugin` says of its values, for mi.load_dict."""
+    """A value of a `Plugin` as mi.load_dict takes it."""
     if isinstance(value, Plugin):
         if value.kind == "mesh":
             return _mesh(mi, value)

@@ -65,7 +65,6 @@ class LocalExecutor:
             self._idle.pop().pool.shutdown(wait=True)
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[Outcome[T, R]]:
-        """See `Executor.map`."""
         waiting = list(reversed(items))
         flying: dict[Future[Answer[R]], tuple[_Worker, T]] = {}
         while waiting or flying:

@@ -1,4 +1,4 @@
-"""What a run asks of an executor."""
+"""The protocol of an executor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Outcome(Generic[T, R]):
-    """What became of one item: its result, or in words why there is none."""
+    """The outcome of one item: its result, or in words why there is none."""
 
     item: T
     result: R | None

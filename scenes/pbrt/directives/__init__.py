@@ -1,1 +1,1 @@
-"""What each directive means: one file a family, with pbrt-v4's own defaults."""
+"""The meaning of each directive: one file a family, with pbrt-v4's own defaults."""

@@ -106,8 +106,8 @@ def _image(builder: Builder, parameters: Parameters, colour: Array | None) -> tu
 
 
 def _illuminance(parameters: Parameters, image: Array, mapping: str) -> float:
-    """What pbrt-v4 divides by to make an image give an `illuminance`: half that on a surface that faces the
-    light's own z.
+    """The divisor by which pbrt-v4 makes an image give an `illuminance`: half that on a surface that faces
+    the light's own z.
 
     (Its sum over the texels of the upper half weighs each with 2 pi / n, where the solid angle of one is 4 pi
     / n.)

@@ -154,7 +154,7 @@ def _tabulated(parameters: Parameters, parameter: Parameter) -> Array:
 
 
 def _alpha(parameters: Parameters, part: str = "") -> tuple[float, float | None]:
-    """Of the microfacet distribution along dp/du and across, None where it is the same both ways; 0 for a
+    """The alphas of the microfacets along dp/du and across, None where it is the same both ways; 0 for a
     surface that pbrt takes for smooth. part: as of `_conductor`.
     """
     along_u, along_v, both = _roughnesses(part)

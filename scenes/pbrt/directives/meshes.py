@@ -23,7 +23,7 @@ NORMAL_TOLERANCE = 1e-4  # of the components of a unit normal that says no more 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """What the state of the file says of the next shape."""
+    """The state of the file, as far as it bears on the next shape."""
 
     transform: Transform
     reverse: bool

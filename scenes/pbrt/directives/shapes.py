@@ -344,7 +344,7 @@ def _(geometry: Sphere, emits: bool) -> list[str]:
 
 @shape_text.register
 def _(geometry: Disk, emits: bool) -> list[str]:
-    """Under its own frame, or a right-handed one whose third axis is the normal to the bit."""
+    """A disk stands under its own frame, or a right-handed one whose third axis is the normal to the bit."""
     frame, normal, center = geometry.frame, geometry.normal, f"Translate {numbers(geometry.center)}"
     turned = False
     if frame is None:

@@ -1,4 +1,6 @@
-"""What each directive with a parameter list means, and which kind of defaults `Attribute` holds for it."""
+"""The meaning of each directive with a parameter list, and which kind of defaults `Attribute` holds for
+it.
+"""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ def _found(
 
 
 def _at(parameters: Parameters, name: str, read: Callable[[], T]) -> T:
-    """What `read` gives; its PenumbraError becomes a SceneError at the parameter `name`."""
+    """Call `read`; its PenumbraError becomes a SceneError at the parameter `name`."""
     try:
         return read()
     except PenumbraError as error:
