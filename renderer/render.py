@@ -16,7 +16,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.build import RenderScene, build
+from renderer.build import Coincident, RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
 from renderer.geometry.cutouts import Cutouts
 from renderer.geometry.relief import Reliefs
@@ -313,6 +313,25 @@ def _go_through(
         rows, start = rows[on], start[:, on]
 
 
+def _of_all(
+    scene: RenderScene,
+    coincident: Coincident,
+    le: Floats,
+    cosine: Floats,
+    primitive: NDArray[np.int64],
+    triangle: NDArray[np.int64],
+) -> Floats:
+    """Le (3, n) of the lights that rays meet, with those that are in the same place."""
+    lights, out = scene.lights, le.copy()
+    for table, which in ((lights.of_primitive, primitive), (lights.of_triangle, triangle)):
+        rows = np.flatnonzero(which >= 0)
+        light = table[which[rows]] if rows.size else rows
+        shared = np.bincount(coincident.first, minlength=len(lights))[coincident.first[light]] > 1
+        rows, light = rows[shared], light[shared]
+        out[:, rows] = coincident.seen(light, cosine[rows])[1]
+    return out
+
+
 def _from(o: Floats, rows: NDArray[np.int64]) -> Floats:
     """The origins of some rays, (3, m); or (3, 1), the one of all."""
     return o if o.shape[1] == 1 else o.take(rows, axis=1)
@@ -341,7 +360,12 @@ def _emission(
         p, normal = _normals(scene, _from(o, rows) + mine * t[rows], triangle[rows], primitive[rows])
         front = (dot(mine, normal) < 0) | scene.two_sided[own]
         le = with_emission_images(scene, scene.emission.take(own, axis=1), primitive[rows], p)
-        out[:, rows] = np.where(front, le, 0.0)
+        le = np.where(front, le, 0.0)
+        if scene.lights.coincident is not None:
+            le = _of_all(
+                scene, scene.lights.coincident, le, dot(mine, normal), primitive[rows], triangle[rows]
+            )
+        out[:, rows] = le
     if scene.lights.environment is not None:
         rows = np.flatnonzero(shape < 0)
         out[:, rows] = scene.lights.environment[0].radiance_along(

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.build import RenderScene
+from renderer.build import Coincident, RenderScene
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Source
 from renderer.interfaces.material import Lobes, lobes_of
 from renderer.math.vectors import Floats, dot, gather
@@ -146,7 +146,10 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
     The light is -1 and its distance inf where there is none; an environment is behind all else.
     """
     everyone = scene.lights.primitive[(scene.lights.primitive >= 0) & ~scene.lights.delta]
-    t, primitive = scene.analytic.closest(everyone, hit.p, wi, hit.primitive)
+    coincident, leaves = scene.lights.coincident, hit.primitive
+    if coincident is not None and everyone.size:
+        everyone, leaves = _one_each(scene, coincident, everyone, leaves)
+    t, primitive = scene.analytic.closest(everyone, hit.p, wi, leaves)
     light = (
         np.where(primitive >= 0, scene.lights.of_primitive.take(primitive, mode="clip"), -1)
         if everyone.size
@@ -166,7 +169,11 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
     rows = np.flatnonzero(light >= 0)
     if rows.size:
         along = wi.take(rows, axis=1)
-        le = _emitted(scene, light[rows], dot(along, normal.take(rows, axis=1)))
+        cosine = dot(along, normal.take(rows, axis=1))
+        if coincident is None:
+            le = _emitted(scene, light[rows], cosine)
+        else:
+            light[rows], le = coincident.seen(light[rows], cosine)
         radiance[:, rows] = with_emission_images(
             scene, le, primitive[rows], hit.p.take(rows, axis=1) + along * t[rows]
         )
@@ -178,6 +185,17 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
             np.zeros_like(rows), hit.p.take(rows, axis=1), wi.take(rows, axis=1)
         )
     return Seen(light, wi, t, normal), radiance
+
+
+def _one_each(
+    scene: RenderScene, coincident: Coincident, everyone: Integers, leaves: Integers
+) -> tuple[Integers, Integers]:
+    """Of primitives that coincide the first alone: among `everyone`, and for those that rays leave (n,)."""
+    lights = scene.lights
+    of = np.where(leaves >= 0, lights.of_primitive[leaves], -1)
+    first = np.where(of >= 0, lights.primitive[coincident.first[of]], leaves)
+    own = lights.of_primitive[everyone]
+    return everyone[coincident.first[own] == own], first
 
 
 def _emitted(scene: RenderScene, light: Integers, cosine: Floats) -> Floats:

@@ -112,6 +112,10 @@ class TriangleMesh:
         """The mesh itself."""
         return self
 
+    def identity(self) -> tuple[Array, Array]:
+        """Points (f, m, 3) that tell faces apart, and a vector (f, 3) that turns with the side of each."""
+        return _mesh_identity(self)
+
     def flipped(self) -> TriangleMesh:
         """The mesh with its other side in front."""
         return replace(
@@ -162,6 +166,10 @@ class BilinearMesh:
     def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
         """Two triangles a patch, without texture coordinates, in the order of `halves`."""
         return TriangleMesh(self.vertices, halves(self.faces), self.reverse)
+
+    def identity(self) -> tuple[Array, Array]:
+        """Points (f, m, 3) that tell faces apart, and a vector (f, 3) that turns with the side of each."""
+        return _mesh_identity(self)
 
     def flipped(self) -> BilinearMesh:
         """The mesh with its other side in front."""
@@ -228,6 +236,11 @@ class Sphere:
         unit, faces = _icosphere(max(0, (segments // 16).bit_length() - 1))
         return TriangleMesh(self.center + self.radius * unit, faces, self.reverse)
 
+    def identity(self) -> tuple[Array, Array]:
+        """As of a mesh of one face."""
+        points = np.stack([self.center, self.center + self.radius, np.full(3, self.radius)])
+        return points[None], np.array([[-1.0 if self.reverse else 1.0, 0.0, 0.0]])
+
     def flipped(self) -> Sphere:
         """The sphere with its other side in front."""
         return replace(self, reverse=not self.reverse)
@@ -271,6 +284,11 @@ class Disk:
         i = np.arange(segments)
         faces = np.stack([np.full(segments, segments), i, (i + 1) % segments], axis=1)
         return TriangleMesh(np.vstack([rim, self.center]), faces)
+
+    def identity(self) -> tuple[Array, Array]:
+        """As of a mesh of one face."""
+        up = self.radius * self.normal
+        return np.stack([self.center, self.center + up, self.center - up])[None], self.normal[None]
 
     def flipped(self) -> Disk:
         """The disk with its other side in front."""
@@ -409,6 +427,12 @@ class Quadric:
         )
         return replace(made, faces=made.faces[made.areas() > 0])  # half of those at a pole have none
 
+    def identity(self) -> tuple[Array, Array]:
+        """As of a mesh of one face."""
+        lengths = np.array([self.radius, self.zmin, self.zmax, self.inner, self.phimax, 0.0])
+        points = np.concatenate([self.matrix.T, lengths.reshape(2, 3), self.corners])
+        return points[None], np.array([[-1.0 if self.reverse else 1.0, 0.0, 0.0]])
+
     def flipped(self) -> Quadric:
         """The shape with its other side in front."""
         return replace(self, reverse=not self.reverse)
@@ -529,6 +553,12 @@ def _used(mesh: Mesh) -> Array:
     met = np.zeros(len(mesh.vertices), dtype=np.bool_)
     met[mesh.faces.ravel()] = True
     return mesh.vertices if met.all() else mesh.vertices[met]
+
+
+def _mesh_identity(mesh: Mesh) -> tuple[Array, Array]:
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return corners, normals * (-1.0 if mesh.reverse else 1.0)
 
 
 def _mesh_bounds(mesh: Mesh) -> Bounds:

@@ -38,6 +38,7 @@ from pipeline.references.protocol import (
 )
 from pipeline.references.subprocesses import last_words
 from pipeline.store.keys import imported_code
+from scenes.description.coincidence import ambiguous
 from scenes.description.lights import environments
 from scenes.description.scene import RenderDefaults, SceneDescription
 from scenes.description.shapes import pbrt_samples
@@ -138,6 +139,8 @@ def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
         raise PenumbraError(
             "its sky ends at a horizon or is laid out by latitude, and pbrt has no such light"
         )
+    if quantity == "radiance" and (why := ambiguous(scene.shapes)):
+        raise PenumbraError(why)
     if quantity == "radiance" and not all(pbrt_samples(s.geometry) for s in scene.shapes if s.emission):
         raise PenumbraError(
             "it has a light on part of a sphere or a disk, or on a stretched one, and pbrt samples the whole "

@@ -14,6 +14,7 @@ from pipeline.references.mitsuba.shadows import EARLY, overlooked
 from pipeline.references.mitsuba.shapes import Frame, side_shift, triangles
 from pipeline.references.mitsuba.worker import RAY_LIFT
 from pipeline.references.protocol import unlit
+from scenes.description.coincidence import ambiguous
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Array, Geometry, ShapeDescription
 from scenes.errors import Location
@@ -26,6 +27,8 @@ def reason(scene: SceneDescription) -> str | None:
     converted at all.
     """
     if why := unlit(scene):
+        return why
+    if why := ambiguous(scene.shapes):
         return why
     convert(scene)
     return _overlooked_gap(scene) or _overlooked_shade(scene)
