@@ -42,7 +42,8 @@ from numpy.typing import NDArray
 from scenes.errors import PenumbraError
 
 Array = NDArray[np.float64]
-Role = Literal["illuminant", "reflectance", "unbounded"]
+# absolute: a light's colour as pbrt makes RGB of a spectrum, its luminance the spectrum's mean under ybar.
+Role = Literal["illuminant", "absolute", "reflectance", "unbounded"]
 
 METALS = ("metal-Ag", "metal-Al", "metal-Au", "metal-Cu", "metal-CuZn", "metal-MgO", "metal-TiO2")
 # pbrt's names and colour-science's. ACES's D60 is the daylight series at 6000 K, as CIE's D60 is.
@@ -174,7 +175,7 @@ def from_space(name: str, rgb: Array, most: float, role: Role) -> Array:
     """
     here, white = _to_xyz(np.array(PRIMARIES["srgb"])), WHITES.get(name, "D65")
     xyz = _to_xyz(np.array(PRIMARIES[name]), white) @ rgb
-    if white != "D65" and role != "illuminant":
+    if white != "D65" and role not in ("illuminant", "absolute"):
         whites = (_observer() @ _illuminant(one) for one in (white, "D65"))
         one, other = (xyz_of_white / xyz_of_white[1] for xyz_of_white in whites)
         xyz = _colour().adaptation.matrix_chromatic_adaptation_VonKries(one, other, "Bradford") @ xyz
@@ -197,6 +198,9 @@ class _Standard:
 def _project(spectrum: Array, role: Role) -> Array:
     if role == "illuminant":
         return _light(spectrum)
+    if role == "absolute":
+        xyz = _standard().xyz
+        return np.maximum(_standard().from_xyz @ (xyz @ spectrum) / xyz[1].sum(), 0.0)
     if role == "reflectance":
         spectrum = np.minimum(spectrum, 1.0)  # as pbrt's materials do, at each wavelength
     seen = _standard().response @ spectrum

@@ -22,7 +22,7 @@ from scenes.pbrt.text.parameters import SRGB, Parameter, Parameters
 from scenes.pbrt.text.template import NUMBER
 
 Array = NDArray[np.float64]
-Role = Literal["illuminant", "reflectance", "unbounded"]
+Role = Literal["illuminant", "absolute", "reflectance", "unbounded"]  # as `scenes.color` has them
 
 HELIUM = 587.6  # nm, the yellow line at which catalogues give an index of refraction
 WAVELENGTHS = np.linspace(360.0, 830.0, 471)

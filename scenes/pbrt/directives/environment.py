@@ -79,11 +79,6 @@ def _check_sky_of_portal(parameters: Parameters, hemisphere: bool, mapping: str)
         parameters.unsupported(
             "portal", "a portal with `hemisphere` or `mapping`, which are ours, is not supported"
         )
-    source = parameters.take("L", "rgb", "spectrum", "blackbody")
-    if source is not None and source.type != "rgb":
-        parameters.unsupported(
-            "L", "a portal with an L that is no rgb is not supported: pbrt scales its luminance differently"
-        )
 
 
 def _image(builder: Builder, parameters: Parameters, colour: Array | None) -> tuple[Array | None, str]:

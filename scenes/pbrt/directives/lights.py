@@ -26,7 +26,7 @@ from scenes.description.shapes import Emission
 from scenes.errors import SceneError, Unsupported
 from scenes.pbrt.directives.environment import infinite
 from scenes.pbrt.directives.texels import image_of, means_of
-from scenes.pbrt.spectra import LUMINANCE, colour
+from scenes.pbrt.spectra import LUMINANCE, Role, colour
 from scenes.pbrt.state import AreaLight, Builder, check_room, refuse_kind
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, orthonormal, uniform_scale, unit
@@ -268,7 +268,8 @@ def _placed(position: Array, axes: Array, what: str) -> list[str]:
 
 
 def _infinite(builder: Builder, parameters: Parameters) -> Light:
-    found = colour(parameters, "L", "illuminant", first=True)
+    role: Role = "absolute" if parameters.given("portal") else "illuminant"  # pbrt makes an image of it there
+    found = colour(parameters, "L", role, first=True)
     light = infinite(builder, parameters, found, factor(parameters), _positive(parameters, "illuminance"))
     sky = light.sky if isinstance(light, PortalLight) else light
     checked(parameters, "L", sky.radiance if sky.image is None else sky.radiance * sky.image.max())
