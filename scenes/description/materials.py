@@ -141,7 +141,38 @@ class Coated:
         return replace(self, base=self.base.map_colors(change), albedo=change(self.albedo))
 
 
-Material = Diffuse | Conductor | Dielectric | Coated
+@dataclass(frozen=True, eq=False)
+class DiffuseTransmission:
+    """A thin sheet that scatters light to both of its sides by Lambert's law, as pbrt's.
+
+    reflectance, transmittance: (3,) float64 each, or textures of such. Both are multiplied by `scale`, then
+    clamped to [0, 1].
+    """
+
+    reflectance: Texture
+    transmittance: Texture
+    scale: float = 1.0
+
+    @property
+    def needs_uv(self) -> bool:
+        return needs_uv(self.reflectance, self.transmittance)
+
+    @property
+    def mean_alpha(self) -> None:
+        """None: there are no microfacets."""
+
+    @property
+    def normal_reflectance(self) -> Array:
+        return np.clip(self.scale * mean(self.reflectance), 0.0, 1.0)
+
+    def map_colors(self, change: ColorMap) -> DiffuseTransmission:
+        reflectance, transmittance = (
+            map_colors(one, change) for one in (self.reflectance, self.transmittance)
+        )
+        return replace(self, reflectance=reflectance, transmittance=transmittance)
+
+
+Material = Diffuse | Conductor | Dielectric | Coated | DiffuseTransmission
 
 
 def is_oriented(material: Material) -> bool:

@@ -68,6 +68,13 @@ class NamedNumbers:
 Alpha = float | NamedNumbers
 
 
+@dataclass(frozen=True, eq=False)
+class Pending:
+    """A material of several names, resolved like `NamedMaterial`: make looks them up."""
+
+    make: Callable[[Builder], Material]
+
+
 @dataclass(frozen=True)
 class Interface:
     """A material of no surface: light passes straight through, as pbrt's null material."""
@@ -86,11 +93,11 @@ class MediumInterface:
 class Embossed:
     """A material with a normal map, or with a displacement that turns its normals alone."""
 
-    material: Interface | Material | TexturedDiffuse
+    material: Interface | Material | TexturedDiffuse | Pending
     relief: NormalMap | NamedNumbers
 
 
-MaterialUse = Interface | Material | TexturedDiffuse | NamedMaterial | Embossed
+MaterialUse = Interface | Material | TexturedDiffuse | Pending | NamedMaterial | Embossed
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,17 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material, Microfacets
+from scenes.description.materials import (
+    Coated,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    DiffuseTransmission,
+    Material,
+    Microfacets,
+)
 from scenes.description.relief import Bump, NormalMap, Relief
+from scenes.description.textures import Texture
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.stand_ins import hair, measured, subsurface
 from scenes.pbrt.directives.texels import normals_of
@@ -26,6 +35,7 @@ from scenes.pbrt.state import (
     MaterialUse,
     NamedMaterial,
     NamedNumbers,
+    Pending,
     TexturedDiffuse,
     check_room,
     refuse_kind,
@@ -94,6 +104,31 @@ def _diffuse(parameters: Parameters) -> MaterialUse:
     if parameter.type != "texture":
         return Diffuse(colour_of(parameters, parameter, "reflectance"))
     return TexturedDiffuse(parameters.text_of(parameter), parameter.where)
+
+
+HALF_OF_A_SHEET = 0.25  # pbrt's default of either part
+
+
+def _diffuse_transmission(parameters: Parameters) -> MaterialUse:
+    reflectance, transmittance = (_spectrum(parameters, part) for part in ("reflectance", "transmittance"))
+    scale = parameters.number("scale", 1.0)
+    return Pending(lambda builder: DiffuseTransmission(reflectance(builder), transmittance(builder), scale))
+
+
+def _spectrum(parameters: Parameters, name: str) -> Callable[[Builder], Texture]:
+    """A colour or the spectrum texture of a name, which is looked up when the file is read."""
+    parameter = parameters.take(name, "rgb", "spectrum", "texture")
+    if parameter is None or parameter.type != "texture":
+        value = np.full(3, HALF_OF_A_SHEET)
+        value = value if parameter is None else colour_of(parameters, parameter, "reflectance")
+        return lambda builder: value
+    texture, where = parameters.text_of(parameter), parameter.where
+
+    def found(builder: Builder) -> Texture:
+        value = named_texture(builder, "spectrum", texture, where).value
+        return np.full(3, HALF_OF_A_SHEET) if value is None else value
+
+    return found
 
 
 def _conductor(parameters: Parameters, part: str = "") -> Conductor:
@@ -248,6 +283,8 @@ def resolve_material(use: MaterialUse, builder: Builder) -> Material:
         raise SceneError(f"material {use.name!r} stands for another name", use.where)
     if isinstance(use, Interface):
         raise TypeError("a shape that light passes through has no material: leave it out first")
+    if isinstance(use, Pending):
+        return use.make(builder)
     if isinstance(use, TexturedDiffuse):
         found = named_texture(builder, "spectrum", use.texture, use.where).value
         if found is None:
@@ -287,6 +324,7 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "thindielectric": _thin_dielectric,
     "coateddiffuse": _coated_diffuse,
     "coatedconductor": _coated_conductor,
+    "diffusetransmission": _diffuse_transmission,
     "interface": _interface,
     "subsurface": subsurface,
     "measured": measured,
@@ -305,6 +343,14 @@ def _(material: Diffuse, textures: TextureWriter) -> list[str]:
     lines: list[str] = []
     reflectance = textures.parameter("spectrum", "reflectance", material.reflectance, lines)
     return [*lines, f'Material "diffuse" {reflectance}']
+
+
+@material_text.register
+def _(material: DiffuseTransmission, textures: TextureWriter) -> list[str]:
+    lines: list[str] = []
+    parts = {"reflectance": material.reflectance, "transmittance": material.transmittance}
+    text = " ".join(textures.parameter("spectrum", name, part, lines) for name, part in parts.items())
+    return [*lines, f'Material "diffusetransmission" {text} "float scale" [ {material.scale!r} ]']
 
 
 @material_text.register

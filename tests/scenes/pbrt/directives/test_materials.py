@@ -112,6 +112,8 @@ def test_named_conductors() -> None:
 @pytest.mark.parametrize(
     ("body", "column", "words"),
     [
+        ('Material "diffusetransmission" "texture transmittance" "t"' + BALL, 32, ("no spectrum",)),
+        ('Material "diffusetransmission" "rgb transmittance" [ 1 2 ]', 32, ("transmittance",)),
         ('Material "dielectric" "float eta" 0', 23, ("eta must be positive",)),
         ('Material "dielectric" "spectrum eta" "glass-XY7"', 23, ("glass-BK7", "glass-F11")),
         ('Material "conductor" "float roughness" -1', 22, ("roughness must not be negative",)),

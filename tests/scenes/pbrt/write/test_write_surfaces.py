@@ -14,7 +14,14 @@ import skimage.io
 from numpy.typing import NDArray
 
 from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
-from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material
+from scenes.description.materials import (
+    Coated,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    DiffuseTransmission,
+    Material,
+)
 from scenes.description.scene import Film, PixelFilter, RenderDefaults, SceneDescription
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
@@ -104,6 +111,8 @@ class Rich(Random):
         base = self.base()
         if self.flag():
             return base
+        if self.flag():
+            return DiffuseTransmission(self.texture(), self.constant(gray=False), self.positive())
         alpha, across = self.alphas()
         coat = Dielectric(self.positive(), alpha, alpha_v=across)
         albedo, depth = self.rng.random(3), int(self.rng.integers(40))
