@@ -521,8 +521,11 @@ def basis(normal: Array) -> Array:
     return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
+_ENDS = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+
+
 def _box(shape: Sphere | Disk) -> Array:
-    return shape.center + shape.radius * np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+    return shape.center + shape.radius * _ENDS
 
 
 def _corner_uv(mesh: Mesh, default: Array) -> Array:

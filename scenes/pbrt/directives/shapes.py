@@ -148,7 +148,7 @@ def range_problem(geometry: Geometry) -> str | None:
     """Why a shape is too large or too small to compute with, or None."""
     if not isinstance(geometry, Mesh) and not geometry.radius >= 1 / COORDINATE_LIMIT:
         return f"the radius is too small to compute with: {geometry.radius:g}"
-    if not np.all(np.abs(geometry.corners) <= COORDINATE_LIMIT):
+    if not np.abs(geometry.corners).max(initial=0.0) <= COORDINATE_LIMIT:  # NaN is none
         return f"the shape reaches beyond {COORDINATE_LIMIT:g}, the largest coordinate"
     return None
 
@@ -257,8 +257,11 @@ def _(geometry: Mesh, transform: Transform, emits: bool = False) -> Mesh:
 @place.register
 def _(geometry: Sphere, transform: Transform, emits: bool = False) -> Sphere | Quadric:
     linear = transform.matrix[:3, :3]
+    own = AS_IT_IS[:, :3] if geometry.frame is None else geometry.frame
+    if transform.only_moves:
+        center = transform.points(geometry.center[None])[0]
+        return Sphere(center, geometry.radius, geometry.reverse, own + 0.0)
     factor, frame = uniform_scale(linear), orthonormal(linear)
-    own = np.eye(3) if geometry.frame is None else geometry.frame
     if factor is None or frame is None:
         matrix, r = np.column_stack([own, geometry.center]), geometry.radius
         return _moved(Quadric("sphere", matrix, r, -r, r, reverse=geometry.reverse), transform)
@@ -270,6 +273,9 @@ def _(geometry: Sphere, transform: Transform, emits: bool = False) -> Sphere | Q
 @place.register
 def _(geometry: Disk, transform: Transform, emits: bool = False) -> Disk | Quadric:
     own = basis(geometry.normal) if geometry.frame is None else geometry.frame
+    if transform.only_moves:
+        center = transform.points(geometry.center[None])[0]
+        return Disk(center, geometry.normal + 0.0, geometry.radius, own + 0.0)
     plane = transform.matrix[:3, :3] @ own[:, :2]
     factor = uniform_scale(plane)
     if factor is None:
