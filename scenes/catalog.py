@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +44,7 @@ def load(
     allow_outside: bool | None = None,
     strict: bool = False,
     substitute: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> SceneDescription:
     """Read a scene by library name or by path of a .pbrt file.
 
@@ -50,13 +52,14 @@ def load(
     names may lie outside its own folder; None: if ALLOW_OUTSIDE is set in the environment, which the
     processes of a run inherit. strict: whether a scene is refused whose image would not be the one that pbrt
     makes. substitute: whether what is not simulated is rendered as the nearest that is, where there is one;
-    `substitutions` of the scene lists each. PenumbraError where there is no such scene or parameter,
+    `substitutions` of the scene lists each. progress: told of the share of the text that is read, where that
+    takes more than a second. PenumbraError where there is no such scene or parameter,
     SceneError with file, line and column where the text is wrong.
     """
     path = find(name_or_path)
     allow_outside = bool(os.environ.get(ALLOW_OUTSIDE)) if allow_outside is None else allow_outside
     name = name_or_path if path.parent == LIBRARY else None
-    return parse_file(path, parameters, name, allow_outside, strict, substitute)
+    return parse_file(path, parameters, name, allow_outside, strict, substitute, progress)
 
 
 def find(name_or_path: str) -> Path:

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from scenes.errors import Location, PenumbraError, SceneError
 
-FILE_LIMIT = 2**30  # bytes, after decompression
+FILE_LIMIT = 2**32  # bytes
+PACKED_LIMIT = 2**30  # bytes after decompression: a small file may hold very many
 POINTER = (
     b"version https://git-lfs.github.com/spec/"  # how the stand-in of a file that was not fetched begins
 )
@@ -75,12 +76,13 @@ def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
             raise PenumbraError(f"cannot read {str(path)!r}: it is no regular file")
         check_fetched(path)
         with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
-            data = stream.read(first)
+            limit = min(FILE_LIMIT, PACKED_LIMIT) if path.suffix.lower() == ".gz" else FILE_LIMIT
+            data = stream.read(min(first, limit + 1))
     except (OSError, ValueError, EOFError, zlib.error) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise PenumbraError(f"cannot read {str(path)!r}: {reason}") from None
-    if len(data) > FILE_LIMIT:
-        raise PenumbraError(f"cannot read {str(path)!r}: it is larger than {FILE_LIMIT >> 20} MiB")
+    if len(data) > limit:
+        raise PenumbraError(f"cannot read {str(path)!r}: it is larger than {limit >> 20} MiB")
     return data
 
 

@@ -26,7 +26,14 @@ def open_scene(
     """
     from scenes import load
 
-    scene = load(name, definitions(define), strict=strict, substitute=substitute)
+    with console.step(f"read {name}, percent", 100) as update:
+        scene = load(
+            name,
+            definitions(define),
+            strict=strict,
+            substitute=substitute,
+            progress=lambda share: update(int(100 * share)),
+        )
     for note in (*scene.notes, *scene.substitutions):
         console.note(f"{name}: {note}")
     return scene

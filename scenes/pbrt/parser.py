@@ -14,6 +14,7 @@ are ours: without an `Integrator` it is direct light (pbrt's would go on for fiv
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -42,15 +43,19 @@ def parse_file(
     allow_outside: bool = False,
     strict: bool = False,
     substitute: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> SceneDescription:
     """Read a .pbrt file; SceneError or PenumbraError for whatever is wrong with it.
 
     parameters: values for the template's `$name`s. name: of the scene, by default the file's without
     extension. allow_outside: whether files that the scene names may lie outside its own folder. strict:
     whether a scene is refused whose image would not be the one that pbrt makes. substitute: whether what is
-    not simulated is rendered as the nearest that is, where there is one.
+    not simulated is rendered as the nearest that is, where there is one. progress: told of the share of the
+    text that is read, where that takes more than a second.
     """
-    return parse_source(read_source(path), parameters, name or path.stem, allow_outside, strict, substitute)
+    return parse_source(
+        read_source(path), parameters, name or path.stem, allow_outside, strict, substitute, progress
+    )
 
 
 def parse(
@@ -73,6 +78,7 @@ def parse_source(
     allow_outside: bool = False,
     strict: bool = False,
     substitute: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> SceneDescription:
     """Parse a text that has been read."""
     if strict and substitute:
@@ -80,7 +86,12 @@ def parse_source(
     header = read_header(source)
     bindings = Bindings(header, parameters or {})
     reader = Reader(
-        source, header, bindings, Files(source.folder or Path(), allow_outside), Report(strict, substitute)
+        source,
+        header,
+        bindings,
+        Files(source.folder or Path(), allow_outside),
+        Report(strict, substitute),
+        progress,
     )
     try:
         reader.run()

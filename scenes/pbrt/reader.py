@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -30,17 +31,28 @@ NO_INTEGRATOR = (
     "the file has no Integrator: this is its direct light; pbrt would follow paths for five bounces"
 )
 
+OFTEN = 512  # directives, after which is looked at the clock
+PATIENCE = 1.0  # seconds
+
 
 class Reader:
     """Fills a `Builder` from the text.
 
-    What is not supported goes to the builder's report, and reading goes on.
+    What is not supported goes to the builder's report, and reading goes on. progress: told of the share of
+    the main file that is read, from PATIENCE on.
     """
 
     def __init__(
-        self, source: Source, header: Header, bindings: Bindings, files: Files, report: Report
+        self,
+        source: Source,
+        header: Header,
+        bindings: Bindings,
+        files: Files,
+        report: Report,
+        progress: Callable[[float], None] | None = None,
     ) -> None:
         self.builder = Builder(report=report)
+        self._progress = progress
         self._problem: SceneError | None = (
             None  # the first one of values; reading goes on for what else is not supported
         )
@@ -80,8 +92,8 @@ class Reader:
     def run(self) -> None:
         """Read to the end; SceneError for what is malformed."""
         try:
-            while (token := self._tokens.next()) is not None:
-                self._one(token)
+            with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
+                self._all()
         finally:  # also of a text that breaks off, so that what is not supported is known
             self._set_options()
             self._make_textures()
@@ -91,6 +103,15 @@ class Reader:
         self._blocks.check_closed()
         if not self.builder.in_world:
             raise SceneError("the scene has no WorldBegin", self._tokens.end())
+
+    def _all(self) -> None:
+        """Every directive; what takes long tells how far it is."""
+        started, count = time.monotonic(), 0
+        while (token := self._tokens.next()) is not None:
+            self._one(token)
+            count += 1
+            if self._progress is not None and count % OFTEN == 0 and time.monotonic() - started > PATIENCE:
+                self._progress(self._tokens.share())
 
     def _one(self, token: Token) -> None:
         if token.kind == "end":
@@ -102,8 +123,7 @@ class Reader:
 
     def _attempt(self, token: Token, read: Callable[[], None]) -> None:
         try:
-            with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
-                read()
+            read()
         except Unsupported as problem:
             self.builder.report.add(problem.message, problem.location or token.where)
 

@@ -23,7 +23,7 @@ DEFAULT_REFLECTANCE = 0.5
 PROJECTION = (
     "the last row of the matrix (each fourth number) must be 0 0 0 1: only an infinite light may have others"
 )
-COUNT_LIMIT = 1_000_000  # of shapes, of lights, of names: a few GB
+COUNT_LIMIT = 10_000_000  # of shapes, of lights, of names: some 10 GB
 
 # pbrt-v4's radii of its filters where a file gives none, and its filter where a file names none.
 FILTERS = {"box": 0.5, "triangle": 2.0, "gaussian": 1.5}

@@ -26,7 +26,7 @@ TYPES = {
 }  # fmt: skip
 FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 HEADER_LIMIT = 2**16  # bytes
-ROW_LIMIT = 2**26  # of one element; a GiB of float32 points and as many triangles as fit them has fewer
+ROW_LIMIT = 2**28  # of one element; 4 GiB of float32 points and as many triangles as fit them have fewer
 WORD = 8  # bytes of a number of an ASCII file, which is held as float64
 
 _MAGIC = re.compile(rb"ply[ \t]*(\r\n|\n|\r)")

@@ -24,7 +24,7 @@ from scenes.ply.header import HEADER_LIMIT, Element, Header, PlyError, Property,
 from scenes.ply.rows import Rows, lay_out
 from scenes.ply.text import read_numbers
 
-TEXT_LIMIT = 2**28  # bytes of an ASCII file, whose numbers take up to four times as many
+TEXT_LIMIT = 2**30  # bytes of an ASCII file, whose numbers take up to four times as many
 SMALL = 2**16  # bytes
 CORNERS = 64  # of a face, at most; those of more than four are left out
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from renderer.build import build
 from renderer.camera import make_camera
+from scenes import files
 from scenes.description.scene import Film, PerspectiveCamera
 from scenes.description.shapes import (
     BLOCK,
@@ -21,8 +23,9 @@ from scenes.description.shapes import (
     boxes,
     cross_product,
 )
-from scenes.errors import SceneError
-from scenes.pbrt.parser import parse
+from scenes.errors import PenumbraError, SceneError
+from scenes.pbrt import reader
+from scenes.pbrt.parser import parse, parse_file
 from scenes.ply.mesh import read_ply
 from tests.kit.ply_files import CORNERS, POINTS, ply_bytes, written
 
@@ -119,3 +122,30 @@ def test_materials_of_many_shapes_are_told_apart() -> None:
     scene = build(parse(text))
     assert scene.material_of[0] == scene.material_of[1] == scene.material_of[3] != scene.material_of[2]
     assert (scene.lobes != 0).tolist() == [True, True, True, False]
+
+
+def test_a_long_file_tells_how_far_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "PATIENCE", 0.0)
+    monkeypatch.setattr(reader, "OFTEN", 10)
+    path = tmp_path / "s.pbrt"
+    path.write_text("WorldBegin\n" + 'Shape "sphere"\n' * 100)
+    told: list[float] = []
+    parse_file(path, progress=told.append)
+    assert len(told) == 10
+    assert told == sorted(told)
+    assert 0 < told[0] < 0.2
+    assert 0.9 < told[-1] <= 1
+    monkeypatch.setattr(reader, "PATIENCE", 100.0)
+    told.clear()
+    parse_file(path, progress=told.append)
+    assert told == []
+
+
+def test_a_packed_file_has_a_limit_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What lies on the disk may be large; what a small file would become may not."""
+    monkeypatch.setattr(files, "PACKED_LIMIT", 1000)
+    (tmp_path / "a.txt").write_bytes(bytes(2000))
+    assert len(files.read_bytes(tmp_path / "a.txt")) == 2000
+    (tmp_path / "a.gz").write_bytes(gzip.compress(bytes(2000)))
+    with pytest.raises(PenumbraError, match="larger than"):
+        files.read_bytes(tmp_path / "a.gz")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.shapes import Array, Faces, TriangleMesh, halves
+from scenes.description.shapes import Array, Faces, TriangleMesh, cross_product, halves
 
 PLANE_TOLERANCE = 1e-6  # of a patch's diameter: text of seven digits, or float32
 OFF_MESH = 1e-4  # of a mesh's extent: how far triangles may leave a curved patch
@@ -23,7 +23,7 @@ TRIANGLE_LIMIT = 2**24  # a few GB
 def curved(vertices: Array, faces: Faces) -> NDArray[np.bool_]:
     """(q,) bool: the patches that are not planar. vertices: (m, 3), faces: (q, 4) as p00 p10 p01 p11."""
     p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
-    diagonals = np.cross(p11 - p00, p01 - p10)  # twice the area, whatever the shape
+    diagonals = cross_product(p11 - p00, p01 - p10)  # twice the area, whatever the shape
     length = np.linalg.norm(diagonals, axis=1)
     normal = diagonals / np.where(length > 0, length, 1.0)[:, None]
     rounding = 4 * np.finfo(np.float32).eps * np.abs(vertices[faces]).max(axis=(1, 2))
@@ -34,7 +34,7 @@ def curved(vertices: Array, faces: Faces) -> NDArray[np.bool_]:
 def patch_problem(vertices: Array, faces: Faces) -> str | None:
     """Why planar patches are not convex quadrilaterals with area, or None. Arguments as of `curved`."""
     p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
-    diagonals = np.cross(p11 - p00, p01 - p10)
+    diagonals = cross_product(p11 - p00, p01 - p10)
     length = np.linalg.norm(diagonals, axis=1)
     if not np.all(length > 0):
         return (
@@ -43,7 +43,7 @@ def patch_problem(vertices: Array, faces: Faces) -> str | None:
     normal = diagonals / length[:, None]
     ring = (p00, p10, p11, p01)
     turns = [
-        np.sum(np.cross(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
+        np.sum(cross_product(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
         for i in range(4)
     ]
     bad = np.min(turns, axis=0, initial=np.inf) < -PLANE_TOLERANCE * _diameter(vertices[faces]) ** 2

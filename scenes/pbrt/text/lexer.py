@@ -5,6 +5,7 @@ file.
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.files import read_bytes
@@ -44,7 +44,7 @@ class Source:
     folder: Path | None = None
 
     @cached_property
-    def _line_starts(self) -> NDArray[np.int64]:
+    def _line_starts(self) -> memoryview:
         # In UTF-32 every character is one number, so that offsets are the text's own.
         width, data = (
             ("<u1", self.text.encode("ascii"))
@@ -52,12 +52,13 @@ class Source:
             else ("<u4", self.text.encode("utf-32-le", "surrogatepass"))
         )
         ends = np.flatnonzero(np.frombuffer(data, dtype=width) == ord("\n"))
-        return np.concatenate([np.zeros(1, np.int64), ends.astype(np.int64) + 1])
+        # A memoryview's single items are cheaper than an array's.
+        return np.concatenate([np.zeros(1, np.int64), ends.astype(np.int64) + 1]).data
 
     def location(self, offset: int) -> Location:
         """The line and column, from 1, of the character at `offset`."""
-        line = int(np.searchsorted(self._line_starts, offset, side="right"))
-        return Location(self.file, line, offset - int(self._line_starts[line - 1]) + 1)
+        line = bisect_right(self._line_starts, offset)
+        return Location(self.file, line, offset - self._line_starts[line - 1] + 1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -73,7 +73,7 @@ class Parameters:
         self._bindings = bindings
         self._report = report
         self.mean: Mean | None = None  # of a texture by its type and name, (3,), None where it is not known
-        self._supported: list[str] = []
+        self._supported: list[tuple[tuple[str, ...], str]] = []
         self._given: dict[str, Parameter] = {}
         for item in items:
             if item.name in self._given:
@@ -194,7 +194,9 @@ class Parameters:
         """
         if "spectrum" in types and "blackbody" not in types:
             types = (*types, "blackbody")
-        self._supported.extend(f"{type_} {name}" for type_ in types)
+        self._supported.append((types, name))
+        if name not in self._given and not self._defaults:
+            return None
         self._unread.pop(name, None)
         for parameter in self._items(name):
             if parameter.type in types:
@@ -240,7 +242,8 @@ class Parameters:
             if parameter.name in EFFECTIVE:
                 self._report.substitute(f"{parameter} of {self.owner}", "without it", parameter.where)
                 continue
-            supported = ", ".join(f'"{name}"' for name in dict.fromkeys(self._supported)) or "none"
+            named = [f'"{type_} {name}"' for types, name in self._supported for type_ in types]
+            supported = ", ".join(dict.fromkeys(named)) or "none"
             self._report.add(
                 f"{parameter} is not supported by {self.owner}; supported parameters: {supported}",
                 parameter.where,

@@ -107,6 +107,11 @@ class TokenStream:
         self._stack.append((Tokenizer(source), end))
         self._open.append(resolved)
 
+    def share(self) -> float:
+        """How much of the main file is read, in [0, 1]."""
+        offset = self._stack[0][0].offset if self._stack else len(self._main.text)
+        return offset / max(len(self._main.text), 1)
+
     def end(self) -> Location:
         """The end of the main file, for what is missing from it."""
         return self._main.location(len(self._main.text))
