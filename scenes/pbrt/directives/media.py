@@ -81,12 +81,11 @@ def report_media(builder: Builder) -> None:
     for media, owner in builder.media_used:
         if media.inside == media.outside or owner not in instanced:  # no ray enters it there
             continue
-        for name in filter(None, (media.inside, media.outside)):
-            if kind in VOLUMETRIC:
-                builder.report.substitute(f'medium "{name}"', "as empty space", media.where)
-            else:
-                ignored = f'medium "{name}" is left out, as pbrt leaves it out with Integrator "{kind}"'
-                builder.report.remark(ignored, media.where)
+        if kind in VOLUMETRIC:
+            builder.report.substitute("a medium", "as empty space", media.where)
+        else:
+            ignored = f'a medium is left out, as pbrt leaves it out with Integrator "{kind}"'
+            builder.report.remark(ignored, media.where)
     blockable = kind == "ambientocclusion" or any(not light.surrounds for light in builder.lights)
     if builder.interfaces and kind not in VOLUMETRIC and place is not None and blockable:
         builder.report.note(BLOCKING, place)
