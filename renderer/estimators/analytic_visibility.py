@@ -16,6 +16,7 @@ import numpy as np
 from renderer.build import RenderScene
 from renderer.estimators.mis import BEST
 from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
+from renderer.interfaces.light import LIGHTS
 from renderer.interfaces.material import LAMBERTIAN, lobes_of
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
@@ -42,6 +43,9 @@ class AnalyticVisibility(Estimator):
             return "an environment's image has no closed form"
         if any(s.emission is not None and s.emission.image is not None for s in scene.shapes):
             return "a light with an image has no closed form"
+        for _, kind in LIGHTS.items():
+            if not kind.closed_form and any(kind.accepts(s) for s in scene.shapes):
+                return f"{kind.plural} that emit have no closed form"
         return None
 
     def dimensions(self, scene: RenderScene) -> int:

@@ -115,7 +115,8 @@ class LightKind:
     make: a group from the sources of this kind and their indices among the scene's; it raises SceneError for
     lights that cannot be. techniques: names of the sampling techniques. absent: why it lacks others.
     examples: cases for the contract tests, near, far, grazing and crossing the horizon. delta: whether the
-    light comes from a single direction at every point, so that no ray ever meets it.
+    light comes from a single direction at every point, so that no ray ever meets it. closed_form: whether
+    shapes of this kind have a formula of irradiance.
     """
 
     describes: type
@@ -125,6 +126,7 @@ class LightKind:
     examples: Callable[[], list[LightExample]]
     absent: Mapping[str, str] = field(default_factory=dict[str, str])
     delta: bool = False
+    closed_form: bool = True
 
     def accepts(self, source: Source) -> bool:
         """Whether a light, or a shape that emits, is of this kind."""

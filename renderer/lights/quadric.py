@@ -236,5 +236,14 @@ def _examples() -> list[LightExample]:
 
 ABSENT = {"projected-solid-angle": "only polygons are sampled so, and a quadric is none"}
 LIGHTS.add(
-    "quadric", LightKind(Quadric, QuadricLights.make, "quadrics", ("area", "solid-angle"), _examples, ABSENT)
+    "quadric",
+    LightKind(
+        Quadric,
+        QuadricLights.make,
+        "quadrics",
+        ("area", "solid-angle"),
+        _examples,
+        ABSENT,
+        closed_form=False,
+    ),
 )

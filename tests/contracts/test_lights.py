@@ -120,6 +120,14 @@ def _cells(axis, hit):
     return cells
 
 
+@pytest.mark.parametrize(("kind", "technique", "example"), SURFACES)
+def test_a_surface_has_a_closed_form_where_its_kind_says_so(kind, technique, example):
+    """`analytic-visibility` refuses by the kind, and takes the formula of all others for granted."""
+    group = kind.make([example.source], [0])
+    at = np.zeros(example.ref_p.shape[1], dtype=np.int64)
+    assert (group.irradiance(at, example.ref_p, example.ref_n) is not None) == kind.closed_form
+
+
 @pytest.mark.parametrize(("kind", "technique", "example"), CASES)
 def test_rows_stand_alone(kind, technique, example):
     """The bits of a row are the same alone, in a batch, and in a batch of an odd length."""

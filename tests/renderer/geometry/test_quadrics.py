@@ -181,3 +181,9 @@ def test_a_light_without_area_is_refused():
     flat = ShapeDescription(Quadric("cylinder", np.eye(4)[:3], 1.0, 0.5, 0.5), BLACK, Emission(np.ones(3)))
     with pytest.raises(scenes.SceneError, match="no area"):
         build(scene([floor(), flat]))
+
+
+@pytest.mark.parametrize("estimator", ["analytic-visibility", "projected-solid-angle"])
+def test_estimators_that_need_more_than_a_quadric_has_refuse_it(estimator: str):
+    with pytest.raises(scenes.PenumbraError, match="quadric"):
+        render(scene([floor(), light(PARTS[0])]), estimator=estimator, spp=1)
