@@ -21,15 +21,16 @@ import numpy as np
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample
 from renderer.math.vectors import Floats, dot, gather
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.microfacets import TINY, Facets, alphas_across
-from scenes.description.materials import Conductor
+from renderer.shading.microfacets import TINY, Facets, alphas_across, textured_roughness
+from scenes.description.materials import Conductor, Roughness
 from scenes.description.shapes import ShapeDescription, Sphere
 
 
 @dataclass(frozen=True, eq=False)
 class ConductorMaterials:
     """alpha, metal: (s,); `metal` is 1, or 0 for shapes of other materials. difference, product: (3, s),
-    eta^2 - k^2 and 2 eta k. alpha_v: (s,) across dp/du, None if all are isotropic.
+    eta^2 - k^2 and 2 eta k. alpha_v: (s,) across dp/du, None if all are isotropic. varying:
+    by shape, what textures say in their place.
     """
 
     alpha: Floats
@@ -37,6 +38,7 @@ class ConductorMaterials:
     difference: Floats
     product: Floats
     alpha_v: Floats | None
+    varying: tuple[tuple[int, Roughness], ...] = ()
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -59,11 +61,12 @@ class ConductorMaterials:
         metal = np.array([float(cls.accepts(s)) for s in shapes])
         alpha = np.array([r.alpha for r in rows])
         across = alphas_across(alpha, [r.alpha_v for r in rows])
-        return cls(alpha, metal, (eta - k) * (eta + k), 2 * eta * k, across)
+        varying = textured_roughness(shapes, Conductor)
+        return cls(alpha, metal, (eta - k) * (eta + k), 2 * eta * k, across, varying)
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
         mu_o, mu_i = np.maximum(dot(hit.wo, hit.ns), 0.0), np.maximum(dot(wi, hit.ns), 0.0)
-        facets = Facets.at(hit, self.alpha, self.alpha_v)
+        facets = Facets.at(hit, self.alpha, self.alpha_v, self.varying)
         distribution, h2 = facets.distribution(hit.wo + wi)
         # 0 where both directions graze: the numerator is 0 there already.
         between = mu_i * facets.projected(hit.wo, mu_o) + mu_o * facets.projected(wi, mu_i)
@@ -74,7 +77,7 @@ class ConductorMaterials:
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
         """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon."""
-        normal = Facets.at(hit, self.alpha, self.alpha_v).visible_normal(hit.wo, u)
+        normal = Facets.at(hit, self.alpha, self.alpha_v, self.varying).visible_normal(hit.wo, u)
         wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
         wi -= hit.wo
         rough = BSDFSample(wi, self.evaluate(hit, wi), self.pdf(hit, wi))
@@ -94,7 +97,7 @@ class ConductorMaterials:
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
         mu_o = np.maximum(dot(hit.wo, hit.ns), 0.0)
-        facets = Facets.at(hit, self.alpha, self.alpha_v)
+        facets = Facets.at(hit, self.alpha, self.alpha_v, self.varying)
         distribution, _ = facets.distribution(hit.wo + wi)
         seen = np.maximum(2 * (mu_o + facets.projected(hit.wo, mu_o)), TINY)
         return (dot(wi, hit.ns) > 0) * distribution / seen

@@ -21,8 +21,14 @@ import numpy as np
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample
 from renderer.math.vectors import Floats, dot, gather, normalize
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.microfacets import TINY, Facets, alphas_across, fresnel_dielectric
-from scenes.description.materials import Dielectric
+from renderer.shading.microfacets import (
+    TINY,
+    Facets,
+    alphas_across,
+    fresnel_dielectric,
+    textured_roughness,
+)
+from scenes.description.materials import Dielectric, Roughness
 from scenes.description.shapes import ShapeDescription, Sphere
 
 BITS = 2.0**16
@@ -32,7 +38,7 @@ BITS = 2.0**16
 class DielectricMaterials:
     """glass, eta, alpha, thin: (s,). `glass` is 1, or 0 for shapes of other materials; alpha 0 is smooth.
 
-    alpha_v: (s,) across dp/du, None if all are isotropic.
+    alpha_v: (s,) across dp/du, None if all are isotropic. varying: by shape, what textures say instead.
     """
 
     glass: Floats
@@ -40,6 +46,7 @@ class DielectricMaterials:
     alpha: Floats
     thin: Floats
     alpha_v: Floats | None
+    varying: tuple[tuple[int, Roughness], ...] = ()
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -62,6 +69,7 @@ class DielectricMaterials:
             alpha,
             np.array([float(r.thin) for r in rows]),
             alphas_across(alpha, [r.alpha_v for r in rows]),
+            textured_roughness(shapes, Dielectric),
         )
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
@@ -141,7 +149,7 @@ class DielectricMaterials:
         return np.where(hit.front, eta, 1 / eta)
 
     def _rough(self, hit: SurfaceHit) -> tuple[Facets, Floats]:
-        return Facets.at(hit, self.alpha, self.alpha_v), self._eta(hit)
+        return Facets.at(hit, self.alpha, self.alpha_v, self.varying), self._eta(hit)
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:

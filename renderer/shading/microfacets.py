@@ -13,12 +13,16 @@ D = 1 / (pi alpha_u alpha_v (z^2 + (x / alpha_u)^2 + (y / alpha_v)^2)^2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from renderer.math.vectors import Floats, combine, cross, dot, frame_about, gather
 from renderer.records import SurfaceHit
+from renderer.textures import Places, evaluate
+from scenes.description.materials import Microfacets, Roughness
+from scenes.description.shapes import ShapeDescription
 
 TINY = np.finfo(np.float64).tiny
 
@@ -74,18 +78,28 @@ class Facets:
     axes: tuple[Floats, Floats, Floats] | None
 
     @classmethod
-    def at(cls, hit: SurfaceHit, alpha: Floats, alpha_v: Floats | None) -> Facets:
-        """alpha, alpha_v: (s,) of shapes; None where all of them are isotropic.
+    def at(
+        cls,
+        hit: SurfaceHit,
+        alpha: Floats,
+        alpha_v: Floats | None,
+        varying: tuple[tuple[int, Roughness], ...] = (),
+    ) -> Facets:
+        """alpha, alpha_v: (s,) of shapes; None where all of them are isotropic. varying: by shape, what
+        stands in their place.
 
         Without a tangent x is as pbrt chooses it, by the normal alone.
         """
-        if alpha_v is None:
-            return cls(hit.ns, gather(alpha, hit.shape), None)
+        along, across = gather(alpha, hit.shape), None if alpha_v is None else gather(alpha_v, hit.shape)
+        if varying:
+            along, across = _varying(hit, along, across, varying)
+        if across is None:
+            return cls(hit.ns, along, None)
         x = hit.tangent - hit.ns * dot(hit.ns, hit.tangent)
         square = dot(x, x)
         with np.errstate(invalid="ignore", divide="ignore"):
             x = np.where(square > 0, x / np.sqrt(square), frame_about(hit.ns)[0])
-        return cls(hit.ns, gather(alpha, hit.shape), (x, cross(hit.ns, x), gather(alpha_v, hit.shape)))
+        return cls(hit.ns, along, (x, cross(hit.ns, x), across))
 
     def projected(self, w: Floats, cosine: Floats) -> Floats:
         """q (n,) of directions w (3, n), whose cosine with n is given."""
@@ -121,6 +135,35 @@ class Facets:
         along = self.alpha * (sine * np.cos(phi) + scale * self.alpha * dot(wo, x))
         across = alpha_v * (sine * np.sin(phi) + scale * alpha_v * dot(wo, y))
         return combine((x, y, self.n), along, across, height)
+
+
+def _varying(
+    hit: SurfaceHit, along: Floats, across: Floats | None, varying: tuple[tuple[int, Roughness], ...]
+) -> tuple[Floats, Floats | None]:
+    """The alphas (n,) with those of textures where shapes have them."""
+    along = np.broadcast_to(along, hit.shape.shape).copy()
+    across = None if across is None else np.broadcast_to(across, hit.shape.shape).copy()
+    for shape, roughness in varying:
+        rows = np.flatnonzero(hit.shape == shape)
+        if not rows.size:
+            continue
+        at = Places.of(hit, rows)
+        along[rows] = roughness.alpha(evaluate(roughness.u, at)[0])
+        if across is not None:
+            both = roughness.v is None
+            across[rows] = along[rows] if both else roughness.alpha(evaluate(roughness.v, at)[0])
+    return along, across
+
+
+def textured_roughness(
+    shapes: Sequence[ShapeDescription], kind: type[Microfacets]
+) -> tuple[tuple[int, Roughness], ...]:
+    """Of the shapes whose material is of this kind and varies, by number."""
+    return tuple(
+        (i, s.material.varying)
+        for i, s in enumerate(shapes)
+        if isinstance(s.material, kind) and s.material.varying is not None
+    )
 
 
 def alphas_across(alpha: Floats, alpha_v: list[float | None]) -> Floats | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scenes.description.textures import ColorMap, Texture, map_colors, mean, needs_uv
 
 Array = NDArray[np.float64]
+SMOOTHEST = 1e-3  # where no alpha reaches this, pbrt-v4 takes a surface for a mirror
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +40,45 @@ class Diffuse:
         return self
 
 
+@dataclass(frozen=True, eq=False)
+class Roughness:
+    """A roughness that varies over a surface. u: a texture of numbers, along dp/du. v: across it, None where
+    it is u too. remap: whether alpha is its square root, as pbrt's default has it.
+    """
+
+    u: Texture
+    v: Texture | None
+    remap: bool
+
+    def alpha(self, found: Array) -> Array:
+        """What the texture's values stand for, at least SMOOTHEST: no point becomes a mirror."""
+        found = np.maximum(found, 0.0)
+        return np.maximum(np.sqrt(found) if self.remap else found, SMOOTHEST)
+
+    def mean_alphas(self) -> tuple[float, float | None]:
+        """Along dp/du and across, by the textures' means."""
+        u, v = (None if one is None else float(self.alpha(mean(one))[0]) for one in (self.u, self.v))
+        assert u is not None
+        return u, v
+
+
 class Microfacets:
     """Microfacets of GGX (Trowbridge-Reitz), remapping already done: alpha 0 is smooth.
 
-    alpha: along dp/du, at least 1e-4, and alpha_v: across it, None where it is alpha too.
+    alpha: along dp/du, at least 1e-4, and alpha_v: across it, None where it is alpha too. varying: what
+    textures say in their place, of which they are then means; None without.
     """
 
     alpha: float
     alpha_v: float | None
+    varying: Roughness | None
 
     @property
     def needs_uv(self) -> bool:
         """Whether it matters how texture coordinates lie on the surface."""
-        return self.alpha_v is not None
+        varying = self.varying
+        textured = varying is not None and needs_uv(*(v for v in (varying.u, varying.v) if v is not None))
+        return textured or self.alpha_v is not None
 
     @property
     def mean_alpha(self) -> float:
@@ -70,6 +97,7 @@ class Conductor(Microfacets):
     k: Array
     alpha: float
     alpha_v: float | None = None
+    varying: Roughness | None = None
 
     @property
     def normal_reflectance(self) -> Array:
@@ -95,6 +123,7 @@ class Dielectric(Microfacets):
     alpha: float
     thin: bool = False
     alpha_v: float | None = None
+    varying: Roughness | None = None
 
     @property
     def normal_reflectance(self) -> Array:

@@ -39,6 +39,8 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
 
     SceneError where it or its textures have no counterpart.
     """
+    if isinstance(material, Microfacets) and material.varying is not None:
+        raise SceneError("a roughness that varies is not handed to Mitsuba", where)
     if isinstance(material, Microfacets) and material.alpha_v is not None:
         raise SceneError("anisotropic roughness is not handed to Mitsuba", where)
     return _bsdf(material, to_uv, where)

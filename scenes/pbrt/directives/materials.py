@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.materials import (
+    SMOOTHEST,
     Coated,
     Conductor,
     Dielectric,
@@ -19,6 +20,7 @@ from scenes.description.materials import (
     DiffuseTransmission,
     Material,
     Microfacets,
+    Roughness,
 )
 from scenes.description.relief import Bump, NormalMap, Relief
 from scenes.description.textures import Texture
@@ -45,7 +47,6 @@ from scenes.pbrt.write.text import numbers
 
 Array = NDArray[np.float64]
 
-SMOOTH = 1e-3  # where neither alpha reaches this, pbrt-v4 takes a surface for smooth
 LEAST = 1e-4  # the least alpha of a surface that is not
 BUMPS = "in pbrt the bumps of a displacement hang on the size of a pixel a little: here their slopes do not"
 # Measured at alpha 0.03, 0.1, 0.3 and 1: 1, 4, 10 and 17 % at most.
@@ -131,11 +132,21 @@ def _spectrum(parameters: Parameters, name: str) -> Callable[[Builder], Texture]
     return found
 
 
-def _conductor(parameters: Parameters, part: str = "") -> Conductor:
-    """part: what the names of its parameters begin with, but that of its reflectance."""
+def _bare_conductor(parameters: Parameters) -> MaterialUse:
+    rough = _textured_roughness(parameters)
+    metal = _conductor(parameters, alpha=None if rough is None else (1.0, None))
+    return metal if rough is None else _roughened(metal, *rough)
+
+
+def _conductor(
+    parameters: Parameters, part: str = "", alpha: tuple[float, float | None] | None = None
+) -> Conductor:
+    """part: what the names of its parameters begin with, but that of its reflectance. alpha: None where they
+    give it.
+    """
     from scenes import color  # here, because most scenes name no metals and its tables take time
 
-    alpha = _alpha(parameters, part)
+    alpha = _alpha(parameters, part) if alpha is None else alpha
     reflectance = colour(parameters, "reflectance", "reflectance")
     eta, k = (parameters.take(part + name, "rgb", "spectrum") for name in ("eta", "k"))
     if reflectance is not None:
@@ -199,19 +210,48 @@ def _alpha(parameters: Parameters, part: str = "") -> tuple[float, float | None]
     if min(u, v) < 0:
         name = next(name for name in _roughnesses(part) if parameters.given(name))
         raise parameters.fail(name, f"{name} must not be negative")
-    along, across = (float(np.sqrt(one)) if remap else one for one in (u, v))
-    if max(along, across) < SMOOTH:
+    return _alphas(u, v, remap)
+
+
+def _alphas(u: float, v: float, remap: bool) -> tuple[float, float | None]:
+    """Of roughnesses; negative ones, which only textures give, count as 0."""
+    along, across = (max(one, 0.0) for one in (u, v))
+    along, across = (float(np.sqrt(one)) if remap else one for one in (along, across))
+    if max(along, across) < SMOOTHEST:
         return 0.0, None
     along, across = max(along, LEAST), max(across, LEAST)
     return along, None if along == across else across
+
+
+def _textured_roughness(
+    parameters: Parameters,
+) -> tuple[float | NamedNumbers, float | NamedNumbers | None, bool] | None:
+    """u, v and `remaproughness` of a material without a coat; None where no texture gives its roughness."""
+    along_u, along_v, both = (parameters.take(name, "float", "texture") for name in _roughnesses(""))
+    u, v = along_u or both, along_v or both
+    if all(one is None or one.type == "float" for one in (u, v)):
+        return None
+    remap = parameters.flag("remaproughness", True)
+    ends = [_number_or_name(parameters, one) for one in (u, v)]
+    return ends[0], None if u is v else ends[1], remap
+
+
+def _number_or_name(parameters: Parameters, given: Parameter | None) -> float | NamedNumbers:
+    if given is None:
+        return 0.0
+    if given.type == "texture":
+        return NamedNumbers(parameters.text_of(given), given.where)
+    return parameters.number(given.name, 0.0)
 
 
 def _roughnesses(part: str) -> tuple[str, str, str]:
     return f"{part}uroughness", f"{part}vroughness", f"{part}roughness"
 
 
-def _dielectric(parameters: Parameters) -> Dielectric:
-    return _glass(parameters, *_alpha(parameters))
+def _dielectric(parameters: Parameters) -> MaterialUse:
+    rough = _textured_roughness(parameters)
+    glass = _glass(parameters, *(_alpha(parameters) if rough is None else (1.0, None)))
+    return glass if rough is None else _roughened(glass, *rough)
 
 
 def _thin_dielectric(parameters: Parameters) -> Dielectric:
@@ -294,6 +334,31 @@ def resolve_material(use: MaterialUse, builder: Builder) -> Material:
     return use
 
 
+def _roughened(
+    bare: Conductor | Dielectric, u: float | NamedNumbers, v: float | NamedNumbers | None, remap: bool
+) -> Pending:
+    """The material with the textures of its roughness, of constants with its alphas."""
+
+    def made(builder: Builder) -> Material:
+        along, across = _numbers_of(u, builder), None if v is None else _numbers_of(v, builder)
+        if isinstance(along, np.ndarray) and (across is None or isinstance(across, np.ndarray)):
+            ends = float(along[0]), float(along[0] if across is None else across[0])
+            alpha, alpha_v = _alphas(*ends, remap)
+            return replace(bare, alpha=alpha, alpha_v=alpha_v)
+        varying = Roughness(along, across, remap)
+        alpha, alpha_v = varying.mean_alphas()
+        return replace(bare, alpha=alpha, alpha_v=alpha_v, varying=varying)
+
+    return Pending(made)
+
+
+def _numbers_of(given: float | NamedNumbers, builder: Builder) -> Texture:
+    if not isinstance(given, NamedNumbers):
+        return np.full(3, given)
+    found = named_texture(builder, "float", given.texture, given.where).value
+    return np.full(3, 0.0) if found is None else found
+
+
 def resolve_relief(use: MaterialUse, builder: Builder) -> Relief | None:
     """The relief of the material that a use stands for; SceneError where its texture is not there."""
     use = _found(use, builder)
@@ -319,7 +384,7 @@ def _named(name: str, where: Location, materials: Mapping[str, MaterialUse]) -> 
 
 _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "diffuse": _diffuse,
-    "conductor": _conductor,
+    "conductor": _bare_conductor,
     "dielectric": _dielectric,
     "thindielectric": _thin_dielectric,
     "coateddiffuse": _coated_diffuse,
@@ -355,7 +420,11 @@ def _(material: DiffuseTransmission, textures: TextureWriter) -> list[str]:
 
 @material_text.register
 def _(material: Conductor, textures: TextureWriter) -> list[str]:
-    return [f'Material "conductor" {_metal_text(material)} {UNCHANGED}']
+    if material.varying is None:
+        return [f'Material "conductor" {_metal_text(material)} {UNCHANGED}']
+    lines: list[str] = []
+    rough = _varying_text(material.varying, textures, lines)
+    return [*lines, f'Material "conductor" {_optical_text(material, "")} {rough}']
 
 
 @material_text.register
@@ -363,6 +432,10 @@ def _(material: Dielectric, textures: TextureWriter) -> list[str]:
     eta = f'"float eta" [ {material.eta!r} ]'
     if material.thin:
         return [f'Material "thindielectric" {eta}']
+    if material.varying is not None:
+        lines: list[str] = []
+        rough = _varying_text(material.varying, textures, lines)
+        return [*lines, f'Material "dielectric" {eta} {rough}']
     return [f'Material "dielectric" {eta} {_roughness_text(material)} {UNCHANGED}']
 
 
@@ -386,8 +459,19 @@ UNCHANGED = '"bool remaproughness" [ false ]'
 
 
 def _metal_text(metal: Conductor, part: str = "") -> str:
-    optical = f'"rgb {part}eta" [ {numbers(metal.eta)} ] "rgb {part}k" [ {numbers(metal.k)} ]'
-    return f"{optical} {_roughness_text(metal, part)}"
+    return f"{_optical_text(metal, part)} {_roughness_text(metal, part)}"
+
+
+def _optical_text(metal: Conductor, part: str) -> str:
+    return f'"rgb {part}eta" [ {numbers(metal.eta)} ] "rgb {part}k" [ {numbers(metal.k)} ]'
+
+
+def _varying_text(varying: Roughness, textures: TextureWriter, lines: list[str]) -> str:
+    named = {"roughness": ("float", varying.u)}
+    if varying.v is not None:
+        named = {"uroughness": ("float", varying.u), "vroughness": ("float", varying.v)}
+    remap = "true" if varying.remap else "false"
+    return f'{textures.parameters(named, lines)} "bool remaproughness" [ {remap} ]'
 
 
 def _roughness_text(material: Microfacets, part: str = "") -> str:

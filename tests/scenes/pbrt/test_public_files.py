@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenes.description.lights import Environment
-from scenes.description.materials import Conductor, Dielectric, Diffuse
+from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import TriangleMesh
 from scenes.errors import PenumbraError, SceneError
@@ -376,12 +376,12 @@ PART = 'Texture "a" "float" "constant" "float value" .6 '
 
 
 def alpha(body: str) -> float:
-    """The roughness of a metal whose textures have stand-ins."""
+    """The roughness of a coat whose textures have stand-ins."""
     scene = parse(f"{HEAD}{body}{BALL}", substitute=True)
     material = scene.shapes[0].material
-    assert isinstance(material, Conductor)
+    assert isinstance(material, Coated)
     assert len(scene.substitutions) == 1
-    return material.alpha
+    return material.coat.alpha
 
 
 @pytest.mark.parametrize(
@@ -397,9 +397,9 @@ def alpha(body: str) -> float:
 def test_a_texture_in_the_place_of_a_number_has_its_mean_for_a_stand_in(
     textures: str, expected: float
 ) -> None:
-    metal = 'Material "conductor" "texture roughness" "t" "bool remaproughness" false\n'
+    metal = 'Material "coateddiffuse" "texture roughness" "t" "bool remaproughness" false\n'
     late = "" if "t" in textures else 'Texture "t" "float" "constant"\n'
-    world_fails(textures + metal + late, 2, 22, "texture roughness", "--substitute renders it as its")
+    world_fails(textures + metal + late, 2, 26, "texture roughness", "--substitute renders it as its")
     assert alpha(textures + metal + late) == pytest.approx(expected, rel=1e-12)
 
 

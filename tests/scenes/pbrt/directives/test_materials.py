@@ -122,7 +122,7 @@ def test_named_conductors() -> None:
 '[ 1 1 1 ]'), 42, ("not both",)),
         ('Material "conductor" "float roughness" 1 "rgb eta" [ 0 1 1 ]', 42, ("eta must be positive",)),
         ('Material "conductor" "float roughness" 1 "spectrum eta" "metal-Xx-eta"', 42, ("metal-Xx-eta",)),
-        ('Material "conductor" "texture roughness" "t"', 22, ('"texture roughness"', "--substitute")),
+        ('Material "coateddiffuse" "texture thickness" "t"', 26, ('"texture thickness"', "--substitute")),
         ('Material "diffuse" "string normalmap" "t.png"', 20, ("no such image file",)),
         ('MakeNamedMaterial "m" "string type" "hair"', 1, ('"hair"',)),
         ('Material "coateddiffuse" "integer nsamples" 0', 26, ("nsamples must be at least 1",)),
