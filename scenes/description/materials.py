@@ -51,7 +51,7 @@ class Roughness:
     remap: bool
 
     def alpha(self, found: Array) -> Array:
-        """What the texture's values stand for, at least SMOOTHEST: no point becomes a mirror."""
+        """The alphas that values stand for, at least SMOOTHEST: no point becomes a mirror."""
         found = np.maximum(found, 0.0)
         return np.maximum(np.sqrt(found) if self.remap else found, SMOOTHEST)
 
