@@ -2,7 +2,8 @@
 that need a part of the system.
 
 PENUMBRA_FAST=1 (`make test-fast`) leaves out, by their markers, the tests that start processes, Mitsuba, a
-browser or OpenGL, the statistical and the large ones. One that stays in and starts any of these fails.
+browser or OpenGL, the statistical and the large ones. In every run a test that starts any of these without a
+marker that says so fails, so that the selection is right.
 PENUMBRA_SLOW=1 (`make test-all`) brings in the tests marked `slow`.
 PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a
 failure.
@@ -54,8 +55,8 @@ STARTS = {
 }  # audit events
 HEAVY = {"mitsuba": "mitsuba", "drjit": "mitsuba", "playwright": "browser"} | dict.fromkeys(
     ("OpenGL", "pyrender", "pyvista", "vtkmodules", "vtk"), "opengl"
-)  # modules that no fast test may import, by the fixture that allows it
-_running = [""]  # the test that must start no process, while it runs
+)  # modules that an unmarked test must not import, by the fixture that allows it
+_running = [""]  # the test that must start nothing, while it runs
 
 
 @pytest.fixture(scope="session")
@@ -128,13 +129,12 @@ def _guard() -> None:
     multiprocessing.util.spawnv_passfds = spawn
 
 
-if FAST:
-    _guard()
+_guard()
 
 
 def pytest_collection_finish() -> None:
     """What the files of the tests import is there before any test runs."""
-    if FAST and (early := {"mitsuba", "drjit", "OpenGL", "vtkmodules"} & sys.modules.keys()):
+    if early := {"mitsuba", "drjit", "OpenGL", "vtkmodules"} & sys.modules.keys():
         raise pytest.UsageError(f"imported with the tests' files: {', '.join(sorted(early))}")
 
 

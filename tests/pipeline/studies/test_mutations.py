@@ -150,6 +150,7 @@ def test_a_planted_bias_is_caught(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("mitsuba")
 def test_a_shadow_epsilon_is_caught_in_a_scene_of_ordinary_size(tmp_path, monkeypatch) -> None:
     """The needles of firs are nearer to each other than that: light comes through, +1.5 % of the image and +4
     % near contact (measured,

@@ -26,6 +26,7 @@ def side(image: ReferenceImage) -> Side:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("mitsuba")
 def test_mitsuba_against_itself_is_not_called_biased() -> None:
     """45 pairs of 10 renders of 64 batches, at a level of 20 % that is meant to be seen, by image, grid,
     regions and pixels together.

@@ -126,6 +126,7 @@ def test_the_file_renders_to_our_references_image(mesh: bool, tmp_path: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["triangle", "gaussian"])
+@pytest.mark.usefixtures("mitsuba")
 def test_metals_and_filters_are_mitsubas_own_and_the_file_says_so(kind: str, tmp_path: Path):
     """Loaded, they render to nearly the same image: means within 2 %."""
     given = everything(metal=True)
