@@ -175,7 +175,50 @@ def read_gltf(path: Path, files: Files) -> GltfFile:
     version = str(cast("Object", asset).get("version", "")) if isinstance(asset, dict) else ""
     if not version.startswith("2."):
         raise PenumbraError(f"{path}: no glTF 2.0: its version is {version or 'not given'}")
+    _check_kinds(path, cast("Object", data))
     return GltfFile(path, cast("Object", data), files, binary)
+
+
+def _check_kinds(path: Path, data: Object) -> None:
+    """PenumbraError where an object, a list or a whole number is needed and something else stands."""
+    left: list[tuple[str, Any]] = [("", data)]
+    while left:
+        where, value = left.pop()
+        items: list[tuple[str, Any]] = []
+        if isinstance(value, dict):
+            items = [(f"{where}.{key}", one) for key, one in cast("Object", value).items()]
+        elif isinstance(value, list):
+            items = [(f"{where}[]", one) for one in cast("list[Any]", value)]
+        for place, one in items:
+            for ending, kind, needed in _KINDS:
+                if ending.search(place) and (not isinstance(one, kind) or isinstance(one, bool)):
+                    raise PenumbraError(f"{path}: {place[1:]}: {needed} is needed, not {str(one)[:40]!r}")
+            if not place.endswith(".extras"):  # which hold anything
+                left.append((place, one))
+
+
+_KINDS: list[tuple[re.Pattern[str], type, str]] = [
+    (
+        re.compile(
+            r"\.(extensions|pbrMetallicRoughness|attributes|sparse|spot|\w+Texture)$"
+            r"|\.extensions\.\w+$|\.(primitives|lights|scenes)\[\]$|sparse\.(indices|values)$|^\.cameras\[\]\.\w+graphic$"
+            r"|^\.cameras\[\]\.perspective$"
+        ),
+        dict,
+        "an object",
+    ),
+    (
+        re.compile(r"\.(primitives|lights|children|extensionsRequired|targets)$|^\.scenes\[\]\.nodes$"),
+        list,
+        "a list",
+    ),
+    (
+        re.compile(r"\.(componentType|count|byteOffset|byteLength|byteStride|mode|texCoord)$"),
+        int,
+        "a whole number",
+    ),
+    (re.compile(r"\.(type|uri|mimeType)$"), str, "a string"),
+]
 
 
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import copy
 import io
 import json
 import struct
@@ -59,7 +60,7 @@ class Maker:
     def square(self, material: dict[str, Any], **more: Any) -> int:
         attributes = {"POSITION": self.accessor(SQUARE, 5126, "VEC3"), **more.pop("attributes", {})}
         primitive = {"attributes": attributes, "indices": self.accessor(FACES, 5123, "SCALAR"), **more}
-        primitive["material"] = self.add("materials", material)
+        primitive["material"] = self.add("materials", copy.deepcopy(material))
         return self.add("meshes", {"primitives": [primitive]})
 
     def node(self, **content: Any) -> None:
@@ -303,6 +304,12 @@ def broken(maker: Maker, path: str, value: Any) -> Maker:
         ("nodes/1/mesh", 5, r"nodes\[1\]: there is no meshes\[5\]"),
         ("meshes/0/primitives/0/material", 5, "there is no materials"),
         ("nodes", 3, "nodes: a list of objects"),
+        ("materials/0/pbrMetallicRoughness", 3, r"materials\[\]\.pbrMetallicRoughness: an object is needed"),
+        ("materials/0/extensions/KHR_materials_specular", [1], r"specular: an object is needed, not '\[1\]'"),
+        ("meshes/0/primitives", None, r"meshes\[\]\.primitives: a list is needed"),
+        ("scenes/0/nodes", True, r"scenes\[\]\.nodes: a list is needed"),
+        ("accessors/0/componentType", "5126", "componentType: a whole number is needed"),
+        ("accessors/0/type", {}, r"accessors\[\]\.type: a string is needed"),
     ],
 )
 def test_malformed_files_are_told_with_their_place(
