@@ -32,7 +32,9 @@ def infinite(
     """An environment, `colour` being its `L` if it is given; Unsupported where its transformation
     stretches.
     """
-    frame = orthonormal(builder.state.transform.matrix[:3, :3])
+    # Which way a constant one is turned changes nothing.
+    turned = bool(parameters.text("filename", "")) or parameters.flag("hemisphere", False)
+    frame = orthonormal(builder.state.transform.matrix[:3, :3]) if turned else np.eye(3)
     if frame is None:
         raise Unsupported(
             "the transformation stretches or shears the infinite light; that is not supported",
@@ -50,8 +52,6 @@ def infinite(
         radiance = radiance * (
             illuminance / (np.pi if texels is None else _illuminance(parameters, texels, mapping))
         )
-    if image is None and not hemisphere:
-        frame = np.eye(3)  # which way it is turned changes nothing
     sky = Environment(radiance, image, mapping, frame, hemisphere, parameters.where)
     return sky if portal is None else PortalLight(sky, portal)
 

@@ -171,6 +171,11 @@ def test_a_portal_stays_where_it_is_in_the_world(tmp_path: Path) -> None:
     assert parse_file(written(scene, tmp_path / "back")).content_hash() == scene.content_hash()
 
 
+def test_a_constant_light_stands_under_any_transformation() -> None:
+    stretched = world('Scale 1 2 0 LightSource "infinite" "rgb L" [ 1 2 3 ]')
+    assert stretched.content_hash() == world('LightSource "infinite" "rgb L" [ 1 2 3 ]').content_hash()
+
+
 def test_a_black_body_behind_a_portal_keeps_its_mean_under_the_eye() -> None:
     """pbrt makes RGB of Planck's law over its peak there; without a portal the luminance would be 1.
 
@@ -197,7 +202,7 @@ def test_a_constant_behind_a_portal_is_an_image_of_one_texel_to_pbrt() -> None:
 @pytest.mark.parametrize(
     ("body", "column", "words"),
     [
-        ('Scale 1 2 1 LightSource "infinite"', 13, ("stretches or shears",)),
+        ('Scale 1 2 1 LightSource "infinite" "bool hemisphere" true', 13, ("stretches or shears",)),
         ('LightSource "infinite" "point3 portal" [ 0 0 0 1 0 0 1 1 0 ]', 24, ("four corners, not 3",)),
         ('LightSource "infinite" "point3 portal" [ 0 0 0 1 0 0 1 1 0 0 1 1 ]', 24, ("no rectangle",)),
         ('LightSource "infinite" "point3 portal" [ 0 0 0 1 0 0 0 1 0 1 1 0 ]', 24, ("in turn",)),
