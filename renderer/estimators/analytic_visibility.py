@@ -40,7 +40,7 @@ class AnalyticVisibility(Estimator):
         if any(lobes_of(s) & ~LAMBERTIAN for s in scene.shapes):
             return "closed forms hold for diffuse surfaces only, and it has others"
         if not all(light.has_closed_form for light in scene.lights):
-            return "an environment's image has no closed form"
+            return "an environment's image and a portal have no closed form"
         if any(s.emission is not None and s.emission.image is not None for s in scene.shapes):
             return "a light with an image has no closed form"
         for _, kind in LIGHTS.items():

@@ -1,11 +1,8 @@
 """pbrt-v4 text to a frozen `SceneDescription`.
 
-Every directive of the format is read. What is simulated: direct light and ambient occlusion; shapes
-trianglemesh, plymesh, bilinearmesh (planar), loopsubdiv, sphere and disk (whole); objects and their
-instances; lights infinite, distant, point, spot and diffuse area lights; materials diffuse, conductor,
-dielectric and thindielectric; textures constant, scale, mix, checkerboard and imagemap on a diffuse
-reflectance; pixel filters box, triangle and gaussian. A file that asks for anything else is refused with one
-message that lists all of it by kind; what is malformed is an error at once, at its place.
+Every directive of the format is read. The tables of docs/scenes.md list what is simulated of each. A file
+that asks for anything else is refused with one message that lists all of it by kind; what is malformed is an
+error at once, at its place.
 
 Where a file says nothing, pbrt's defaults hold: its camera, its film, its gaussian filter of 1.5 pixels. Two
 are ours: without an `Integrator` it is direct light (pbrt's would go on for five bounces), without a

@@ -11,12 +11,17 @@ from numpy.typing import NDArray
 from pipeline.references.protocol import BACKENDS
 from renderer import build, render
 from renderer.plan.plan import make_plan
+from scenes.description.relief import Bump
 from scenes.description.scene import SceneDescription
+from scenes.description.shapes import Disk, ShapeDescription, Sphere
+from scenes.description.textures import Bilerp
 from scenes.errors import SceneError
 from scenes.hashing import hash_values
 from scenes.images.exr import write_exr
 from scenes.pbrt.parser import parse, parse_file
 from tests.kit.exported import written
+from tests.kit.scenes import GRAY
+from tests.kit.scenes import scene as made
 
 Array = NDArray[np.float64]
 
@@ -165,3 +170,42 @@ def test_what_is_not_there_is_told(ramps: Path) -> None:
     part = 'Shape "sphere" "float phimax" 90\n'
     with pytest.raises(SceneError, match=r"displacement on part of a sphere is not supported"):
         bumped(ramps, part)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("kind", ["sphere", "disk"])
+def test_bumps_are_those_of_the_raised_surface(kind: str, reverse: bool) -> None:
+    """P(u, v) = p + h n, differentiated numerically: 2e-6 sees a derivative of the normal that is left out.
+
+    Where the surface is turned, pbrt turns the normal that is raised and not its derivatives.
+    """
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    center, radius, side = np.array([0.5, -1.0, 2.0]), 1.5, -1.0 if reverse else 1.0
+    slope = Bump(Bilerp(*np.repeat([[0.0], [0.3], [0.5], [0.8]], 3, axis=1)))
+    ball, plate = Sphere(center, radius, reverse, turn), Disk(center, turn[:, 2] * side, radius, turn)
+    built = build(made([ShapeDescription(ball if kind == "sphere" else plate, GRAY, relief=slope)]))
+    assert built.reliefs is not None
+    assert built.coordinates is not None
+
+    def place(u: float, v: float) -> tuple[Array, Array]:
+        phi, theta = 2 * np.pi * u, np.pi * (1 - v)
+        if kind == "disk":
+            on = radius * (1 - v) * np.array([np.cos(phi), np.sin(phi), 0.0])
+            return center + turn @ on, turn[:, 2]
+        out = turn @ np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+        return center + radius * out, out
+
+    e, face = 1e-6, (np.full(1, -1), np.zeros(1, dtype=np.int64))
+    for u, v in np.random.default_rng(2).uniform(0.15, 0.85, (6, 2)):
+        p, n = place(u, v)
+        ways: list[Array] = []
+        for du, dv, rise in ((e, 0.0, 0.5), (0.0, e, 0.3)):
+            (ahead, after), (behind, before) = place(u + du, v + dv), place(u - du, v - dv)
+            bend = (0.5 * u + 0.3 * v) * (after - before)
+            ways.append((ahead - behind + bend) / (2 * e) + rise * side * n)
+        want = np.cross(*ways)
+        want *= np.sign(want @ n) * side / np.linalg.norm(want)
+        at, normal = p[:, None].copy(), (side * n)[:, None]
+        uv = built.coordinates.at(at, *face)
+        got = built.reliefs.at(at, normal, uv, np.zeros(1, dtype=np.int64), face)
+        np.testing.assert_allclose(got[:, 0], want, atol=2e-6)
