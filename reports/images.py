@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.schema.record import ScoreCard
 from pipeline.store.run_folder import FinishedCell
-from reports.formats import plain
+from reports.formats import plain, sig
 from reports.series import Panel, Point, Series
 from reports.viewer import MAX_IMAGES, Picture
 from scenes.images.exr import read_exr, read_rgb
@@ -62,12 +62,64 @@ def select_images(root: Path, panel: Panel) -> ImageSet | None:
     return _samples_images(root, panel) if panel.study.over == "spp" else _parameter_images(root, panel)
 
 
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """The pictures that make a panel's answer visible: reference, best, worst and the worst one's error.
+
+    exposure: in stops, of all but the error. about: where they were taken.
+    """
+
+    pictures: tuple[Picture, ...]
+    exposure: float
+    about: str
+
+
+def select_extremes(root: Path, panel: Panel) -> Extremes | None:
+    """The best and the worst series at one place; None where no cell is scored.
+
+    A series that cannot be trusted is worse than any with a number. A lone series is the best.
+    """
+    scored = _scored(panel.series)
+    if not scored:
+        return None
+    place = _typical_spp(scored) if panel.study.over == "spp" else panel.ordered(scored[-1].series)[-1].x
+    shown = sorted((s for s in scored if s.point.x == place), key=_badness)
+    best, worst = shown[0], shown[-1]
+    reference, error = _reference(root, worst), _error(root, worst)
+    pictures = [Picture("reference", reference), Picture(f"best: {_told(best)}", _image(root, best))]
+    if worst is not best:
+        pictures.append(Picture(f"worst: {_told(worst)}", _image(root, worst)))
+    if error is not None:
+        limit = _percentile(error, WORST) or 1.0
+        pictures.append(Picture(f"its error, white from {sig(limit)}", error, limit))
+    about = f"{best.point.place}, seed {best.cell.entry.job.seed}"
+    return Extremes(tuple(pictures), _exposure([reference]), about)
+
+
+def _badness(shown: _Scored) -> tuple[bool, float]:
+    value = shown.point.rmse.value
+    return not shown.point.trusted, math.inf if value is None else value
+
+
+def _told(shown: _Scored) -> str:
+    """A series with its error."""
+    found = shown.point.rmse
+    if not shown.point.trusted or found.value is None:
+        return f"{shown.series.label}, no number"
+    return f"{shown.series.label}, RMSE {'< ' if found.bound else ''}{sig(found.value)}"
+
+
+def _typical_spp(scored: Sequence[_Scored]) -> int:
+    """The sample count nearest to PREFERRED_SPP."""
+    return min((s.point.spp for s in scored), key=lambda n: abs(math.log2(n / PREFERRED_SPP)))
+
+
 def _samples_images(root: Path, panel: Panel) -> ImageSet | None:
     """The reference, every series at one sample count, and their error maps."""
     scored = _scored(panel.series)
     if not scored:
         return None
-    spp = min((s.point.spp for s in scored), key=lambda n: abs(math.log2(n / PREFERRED_SPP)))
+    spp = _typical_spp(scored)
     shown = [s for s in scored if s.point.spp == spp][: (MAX_IMAGES - 1) // 2]
     reference = _reference(root, shown[0])
     images = [Picture(s.series.label, _image(root, s)) for s in shown]

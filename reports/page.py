@@ -1,3 +1,4 @@
+# pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false
 """The report of a run: one page that opens from disk, with plotly and the flip book as files beside it."""
 
 from __future__ import annotations
@@ -5,7 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import plotly.graph_objects as go
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from numpy.typing import NDArray
 
 from pipeline.store.run_folder import Run, load_run
 from reports.figures import error_against_parameter, error_against_time, html, plotly_source
@@ -18,7 +22,8 @@ from reports.findings import (
     stability_sentences,
 )
 from reports.formats import job_line, scene_title, settings
-from reports.images import ImageSet, select_images
+from reports.headline import Card, accuracy_card, answer, plan_card, stability_card
+from reports.images import Extremes, ImageSet, select_extremes, select_images
 from reports.provenance import trace_sources
 from reports.series import Panel, StudyView, select_studies
 from reports.tables import Table, error_table, plan_table, region_table, samples_table
@@ -28,15 +33,9 @@ from scenes.files import write_file
 from scenes.images.exr import write_png
 
 ASSETS = "assets"
+LEGEND_BELOW = {"orientation": "h", "x": 0, "xanchor": "left", "y": -0.34, "yanchor": "top"}
+TOLD = 3  # sentences of a section that are in view; the others fold out
 NAMED = 40  # missing cells that the page names; the rest it counts
-
-
-@dataclass(frozen=True)
-class Promise:
-    """A promise of the project and this run's findings on it."""
-
-    title: str
-    findings: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +57,17 @@ class Section:
     images: ImageSet | None
 
 
+@dataclass(frozen=True, eq=False)
+class Hero:
+    """The first screen's answer: that of the sweep's first panel. extremes: None where nothing is scored."""
+
+    anchor: str
+    question: str
+    answer: str
+    plot: str
+    extremes: Extremes | None
+
+
 def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
     """Write the report of a run, finished or not, into `out_dir` (run_dir/report if None) and return its
     index.html.
@@ -69,10 +79,11 @@ def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
     views = select_studies(run)
     pairs = [(view, panel) for view in views for panel in view.panels]
     sections = [_section(run, view, panel, number) for number, (view, panel) in enumerate(pairs, 1)]
+    hero = _hero(run, sections[0]) if sections else None
     try:
         (out / ASSETS).mkdir(parents=True, exist_ok=True)
-        _write_assets(out / ASSETS, sections)
-        write_file(out / "index.html", _render(run, views, sections))
+        _write_assets(out / ASSETS, sections, hero)
+        write_file(out / "index.html", _render(run, views, sections, hero))
     except OSError as error:
         raise PenumbraError(f"{out}: cannot write the report: {error.strerror}") from error
     return out / "index.html"
@@ -85,14 +96,13 @@ def _panels(views: list[StudyView]) -> list[Panel]:
 def _section(run: Run, view: StudyView, panel: Panel, number: int) -> Section:
     along = panel.study.over != "spp"
     anchor = f"panel-{number}"
-    figure = error_against_parameter(panel) if along else error_against_time(panel)
     title = scene_title(panel.scene, panel.fixed)
     return Section(
         anchor,
         f"{title}: error along {panel.study.over}" if along else f"{title}: error against time",
         panel,
         (stability_sentences(panel) if along else cost_sentences(panel)) + left_out_sentences(view, panel),
-        html(figure, f"{anchor}-plot"),
+        html(_plot(panel), f"{anchor}-plot"),
         error_table(panel),
         samples_table(panel) if along else None,
         region_table(panel),
@@ -100,9 +110,35 @@ def _section(run: Run, view: StudyView, panel: Panel, number: int) -> Section:
     )
 
 
-def _write_assets(folder: Path, sections: list[Section]) -> None:
+def _hero(run: Run, section: Section) -> Hero:
+    """The first panel's question and answer; its figure once more, with the legend below."""
+    panel = section.panel
+    figure = _plot(panel).update_layout(legend=LEGEND_BELOW, margin={"r": 16, "b": 110})
+    question = panel.study.question or f"{run.manifest.sweep.title}?"
+    return Hero(
+        section.anchor,
+        question,
+        answer(panel),
+        html(figure, "hero-plot"),
+        select_extremes(run.root, panel),
+    )
+
+
+def _plot(panel: Panel) -> go.Figure:
+    along = panel.study.over != "spp"
+    return error_against_parameter(panel) if along else error_against_time(panel)
+
+
+def _write_assets(folder: Path, sections: list[Section], hero: Hero | None) -> None:
     (folder / "plotly.min.js").write_text(plotly_source(), encoding="utf-8")
     (folder / "flipbook.js").write_text(flipbook_source(), encoding="utf-8")
+    extremes = hero.extremes if hero else None
+    for number, picture in enumerate(extremes.pictures if extremes else (), 1):
+        gray = None if picture.limit is None else _gray(picture.pixels, picture.limit)
+        shown, exposure = (
+            (picture.pixels, extremes.exposure if extremes else 0.0) if gray is None else (gray, 0.0)
+        )
+        write_png(folder / f"hero-{number}.png", shown, exposure)
     for section in sections:
         if section.images is not None:
             script = flip_script(f"{section.anchor}-flip", section.images.pictures, section.images.exposure)
@@ -111,7 +147,7 @@ def _write_assets(folder: Path, sections: list[Section]) -> None:
                 write_png(folder / f"{section.anchor}-{number}.png", picture.pixels, section.images.exposure)
 
 
-def _render(run: Run, views: list[StudyView], sections: list[Section]) -> str:
+def _render(run: Run, views: list[StudyView], sections: list[Section], hero: Hero | None) -> str:
     environment = Environment(
         loader=PackageLoader("reports"),
         autoescape=True,
@@ -124,7 +160,9 @@ def _render(run: Run, views: list[StudyView], sections: list[Section]) -> str:
     return environment.get_template("page.html").render(
         title=run.manifest.sweep.title,
         description=run.manifest.sweep.description,
-        promises=_promises(views),
+        cards=_cards(views),
+        hero=hero,
+        told=TOLD,
         views=views,
         sections=sections,
         missing=[job_line(cell.job) for cell in missing[:NAMED]],
@@ -140,9 +178,15 @@ def _render(run: Run, views: list[StudyView], sections: list[Section]) -> str:
     )
 
 
-def _promises(views: list[StudyView]) -> list[Promise]:
+def _cards(views: list[StudyView]) -> list[Card]:
+    """One card for each promise of the project."""
     return [
-        Promise("Show what accuracy costs in time.", promise_accuracy(views)),
-        Promise("Test that hard cases stay numerically stable.", promise_stability(views)),
-        Promise("Simulate only the effects that a scene calls for.", promise_plan(_panels(views))),
+        accuracy_card(views, promise_accuracy(views)),
+        stability_card(views, promise_stability(views)),
+        plan_card(views, promise_plan(_panels(views))),
     ]
+
+
+def _gray(error: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
+    """An error map (h, w) as shades of gray (h, w, 3): black is no error, white `limit` and more."""
+    return np.repeat(np.clip(error / limit, 0.0, 1.0)[..., None], 3, axis=-1)

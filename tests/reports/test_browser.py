@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 SCREENSHOTS = ROOT / "runs" / "screenshots"
 DEMO = Path(os.environ.get("PENUMBRA_REPORT", ROOT / "runs" / "demo" / "report" / "index.html"))
 REPORTS = ["small", "demo"] if "PENUMBRA_REPORT" in os.environ or DEMO.exists() else ["small"]
-WIDE, NARROW = 1280, 800
+WIDE, NARROW, PHONE = 1280, 800, 400
 DRAWN = 10_000  # milliseconds for a plot or a picture to appear, with both cores busy elsewhere
 
 # Points that a figure is given and points that it shows; legends are not in `.scatterlayer`.
@@ -215,7 +215,7 @@ def test_error_maps_are_in_false_colours(opened: Opened) -> None:
     assert colored > 0.3
 
 
-@pytest.fixture(params=[WIDE, NARROW])
+@pytest.fixture(params=[WIDE, NARROW, PHONE])
 def width(opened: Opened, request: pytest.FixtureRequest) -> Iterator[int]:
     """The width that the window has for one test."""
     opened.page.set_viewport_size({"width": request.param, "height": 900})
@@ -238,6 +238,10 @@ def test_nothing_is_cut_off(opened: Opened, width: int) -> None:
     assert _settled(opened.page, OVERHANG) == []
     # Plots take a new width a moment after the window does.
     opened.page.wait_for_function("width => document.documentElement.scrollWidth <= width", arg=width)
+    frames = opened.page.locator(".plotly-graph-div").evaluate_all(
+        "all => all.map(figure => [figure._fullLayout._size.w, figure._fullLayout._size.h])"
+    )
+    assert all(across > 220 and up > 150 for across, up in frames), frames  # of 400 and 460 pixels
     opened.page.evaluate("scrollTo(0, 0)")
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     path = SCREENSHOTS / f"report-{opened.name}-{width}.png"
