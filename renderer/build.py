@@ -28,6 +28,7 @@ from renderer.interfaces.light import LIGHTS, LightGroup, Source, Surroundings
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
 from renderer.light_sampling.surroundings import with_one_surroundings
 from renderer.math.vectors import Floats
+from renderer.shading.mixtures import Mixtures, mixtures
 from scenes.description.coincidence import coinciding
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Bounds, ShapeDescription, boxes, vertex_normals
@@ -109,8 +110,9 @@ class RenderScene:
     3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
     varies. shading_normals: None without vertex normals. cutouts, reliefs: None where no
     shape has an alpha, or a relief.
-    material_of: (s,) which of the materials each shape has. lobes: (s,) the `Lobes` of each. boxes: (s, 3)
-    each, least and greatest coordinates of each shape.
+    mixtures: None where no shape is of several materials. material_of: (s,) which of the materials each shape
+    has, and after them each row that stands for a material of a mix; -1 for a mix itself. lobes: (s,) the
+    `Lobes` of each. boxes: (s, 3) each, least and greatest coordinates of each shape.
     contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
     world units, beyond everything from any point of the scene.
     seconds_build: wall clock.
@@ -132,6 +134,7 @@ class RenderScene:
     shading_normals: ShadingNormals | None
     cutouts: Cutouts | None
     reliefs: Reliefs | None
+    mixtures: Mixtures | None
     material_of: NDArray[np.int64]
     lobes: NDArray[np.int64]
     contact_epsilon: float
@@ -187,7 +190,8 @@ def build(scene: SceneDescription) -> RenderScene:
     lights = _lights(sources, triangles, analytic)
     met = lights.of_triangle >= 0
     met[met] = ~lights.delta[lights.of_triangle[met]]
-    materials, material_of, lobes = _materials(shapes)
+    rows, mixed = mixtures(shapes)
+    materials, material_of = _materials(rows, mixed)
     boxed = boxes([s.geometry for s in shapes])
     camera = make_camera(scene.camera, scene.film)
     size, scene_diameter = _size(*boxed, camera.eyes)
@@ -212,8 +216,9 @@ def build(scene: SceneDescription) -> RenderScene:
         shading_normals=smooth,
         cutouts=cutouts(shapes, uv),
         reliefs=reliefs(shapes, uv, smooth),
+        mixtures=mixed,
         material_of=material_of,
-        lobes=lobes,
+        lobes=_lobes(shapes),
         contact_epsilon=4 * TOLERANCE * size,
         scene_diameter=scene_diameter,
         seconds_build=time.perf_counter() - start,
@@ -368,19 +373,25 @@ def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 def _materials(
-    shapes: Sequence[ShapeDescription],
-) -> tuple[tuple[MaterialKind, ...], NDArray[np.int64], NDArray[np.int64]]:
-    """The kinds in use, in their order; which of them each shape has, and its lobes, (s,) each."""
-    known: dict[int, tuple[type[MaterialKind], Lobes]] = {}  # by material: thousands of shapes share a few
-    for s in shapes:
-        if id(s.material) not in known:
-            known[id(s.material)] = material_kind(s), lobes_of(s)
-    own = [known[id(s.material)] for s in shapes]
-    used = {kind for kind, _ in known.values()}
+    rows: Sequence[ShapeDescription], mixed: Mixtures | None
+) -> tuple[tuple[MaterialKind, ...], NDArray[np.int64]]:
+    """The kinds in use, in their order, and which of them each row has, -1 for a mix."""
+    mixes = {choice.row for choice in mixed.choices} if mixed is not None else frozenset[int]()
+    known: dict[int, type[MaterialKind]] = {}  # by material: thousands of shapes share a few
+    for i, s in enumerate(rows):
+        if i not in mixes and id(s.material) not in known:
+            known[id(s.material)] = material_kind(s)
+    used = set(known.values())
     kinds = [kind for _, kind in MATERIALS.items() if kind in used]
     number = {kind: i for i, kind in enumerate(kinds)}
-    return (
-        tuple(kind.make(shapes) for kind in kinds),
-        np.array([number[kind] for kind, _ in own], dtype=np.int64),
-        np.array([lobes for _, lobes in own], dtype=np.int64),
-    )
+    own = [-1 if i in mixes else number[known[id(s.material)]] for i, s in enumerate(rows)]
+    return tuple(kind.make(rows) for kind in kinds), np.array(own, dtype=np.int64)
+
+
+def _lobes(shapes: Sequence[ShapeDescription]) -> NDArray[np.int64]:
+    """(s,)."""
+    known: dict[int, Lobes] = {}
+    for s in shapes:
+        if id(s.material) not in known:
+            known[id(s.material)] = lobes_of(s)
+    return np.array([known[id(s.material)] for s in shapes], dtype=np.int64)

@@ -220,7 +220,7 @@ FAMILIES = {
         "GoniometricLight",
         "ProjectionLight",
     },
-    "materials": {"Diffuse", "Conductor", "Dielectric", "Coated", "DiffuseTransmission"},
+    "materials": {"Diffuse", "Conductor", "Dielectric", "Coated", "DiffuseTransmission", "MixedMaterial"},
     "shapes": {"TriangleMesh", "BilinearMesh", "Sphere", "Disk", "Quadric"},
     "textures": {
         "ImageTexture",

@@ -7,12 +7,13 @@ Adding a smooth or a transmissive material touches no estimator: `renderer.shadi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
 from typing import Protocol, runtime_checkable
 
 from renderer.math.vectors import Floats
 from renderer.records import BSDFSample, SurfaceHit
+from scenes.description.materials import MixedMaterial
 from scenes.description.shapes import ShapeDescription
 from scenes.errors import SceneError
 from scenes.registry import Registry
@@ -101,5 +102,8 @@ def material_kind(shape: ShapeDescription) -> type[MaterialKind]:
 
 
 def lobes_of(shape: ShapeDescription) -> Lobes:
-    """The lobes of a shape's material."""
+    """The lobes of a shape's material; of a mix those of all that its points may be of."""
+    if isinstance(shape.material, MixedMaterial):
+        first, second = (lobes_of(replace(shape, material=part)) for part in shape.material.parts)
+        return first | second
     return material_kind(shape).lobes(shape)

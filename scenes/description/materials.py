@@ -134,8 +134,22 @@ class Dielectric(Microfacets):
         return self
 
 
+class Composite:
+    """A material that is made of others."""
+
+    @property
+    def parts(self) -> tuple[Material, Material]:
+        """Those that it is made of."""
+        raise NotImplementedError
+
+    @property
+    def needs_uv(self) -> bool:
+        """Whether it matters how texture coordinates lie on the surface."""
+        return any(part.needs_uv for part in self.parts)
+
+
 @dataclass(frozen=True, eq=False)
-class Coated:
+class Coated(Composite):
     """A surface under a layer of varnish, two-sided: pbrt's `coateddiffuse` and `coatedconductor`.
 
     coat: the boundary to the air. base: the surface underneath, as it would be in air. thickness: of the
@@ -153,8 +167,8 @@ class Coated:
     samples: int = 1
 
     @property
-    def needs_uv(self) -> bool:
-        return self.coat.needs_uv or self.base.needs_uv
+    def parts(self) -> tuple[Material, Material]:
+        return self.coat, self.base
 
     @property
     def mean_alpha(self) -> float | None:
@@ -201,11 +215,49 @@ class DiffuseTransmission:
         return replace(self, reflectance=reflectance, transmittance=transmittance)
 
 
-Material = Diffuse | Conductor | Dielectric | Coated | DiffuseTransmission
+@dataclass(frozen=True, eq=False)
+class MixedMaterial(Composite):
+    """One of two materials at each point, by chance, as pbrt's `mix`.
+
+    amount: the probability of the second, equal in all three components; 0 below 0, and 1 above 1.
+    """
+
+    first: Material
+    second: Material
+    amount: Texture
+
+    @property
+    def parts(self) -> tuple[Material, Material]:
+        return self.first, self.second
+
+    @property
+    def needs_uv(self) -> bool:
+        return needs_uv(self.amount) or super().needs_uv
+
+    @property
+    def _share(self) -> float:
+        return float(np.clip(mean(self.amount)[0], 0.0, 1.0))
+
+    @property
+    def mean_alpha(self) -> float | None:
+        """Of the likelier one."""
+        return self.parts[int(self._share > 0.5)].mean_alpha
+
+    @property
+    def normal_reflectance(self) -> Array:
+        first, second = (part.normal_reflectance for part in self.parts)
+        return (1 - self._share) * first + self._share * second
+
+    def map_colors(self, change: ColorMap) -> MixedMaterial:
+        """The amount is no colour."""
+        return replace(self, first=self.first.map_colors(change), second=self.second.map_colors(change))
+
+
+Material = Diffuse | Conductor | Dielectric | Coated | DiffuseTransmission | MixedMaterial
 
 
 def is_oriented(material: Material) -> bool:
-    """Whether it matters which way dp/du points: of anisotropic microfacets, under a coat or not."""
-    if isinstance(material, Coated):
-        return is_oriented(material.coat) or is_oriented(material.base)
+    """Whether it matters which way dp/du points: of anisotropic microfacets, in whatever they are part of."""
+    if isinstance(material, Composite):
+        return any(is_oriented(part) for part in material.parts)
     return isinstance(material, Microfacets) and material.alpha_v is not None

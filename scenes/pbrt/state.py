@@ -75,6 +75,15 @@ class Pending:
     make: Callable[[Builder], Material]
 
 
+@dataclass(frozen=True, eq=False)
+class MixedUse:
+    """A mix of two materials by their names; resolved like `NamedMaterial`. amount: looks up its texture."""
+
+    first: NamedMaterial
+    second: NamedMaterial
+    amount: Callable[[Builder], Texture]
+
+
 @dataclass(frozen=True)
 class Interface:
     """A material of no surface: light passes straight through, as pbrt's null material."""
@@ -97,7 +106,7 @@ class Embossed:
     relief: NormalMap | NamedNumbers
 
 
-MaterialUse = Interface | Material | TexturedDiffuse | Pending | NamedMaterial | Embossed
+MaterialUse = Interface | Material | TexturedDiffuse | Pending | MixedUse | NamedMaterial | Embossed
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from scenes.description.materials import (
     DiffuseTransmission,
     Material,
     Microfacets,
+    MixedMaterial,
     Roughness,
 )
 from scenes.description.relief import Bump, NormalMap, Relief
@@ -35,6 +36,7 @@ from scenes.pbrt.state import (
     Embossed,
     Interface,
     MaterialUse,
+    MixedUse,
     NamedMaterial,
     NamedNumbers,
     Pending,
@@ -87,7 +89,7 @@ def _made(kind: str, parameters: Parameters) -> MaterialUse:
 
 def _embossed(builder: Builder, made: MaterialUse, parameters: Parameters) -> MaterialUse:
     """The material with its normal map or, without one, its displacement."""
-    if isinstance(made, Interface | NamedMaterial | Embossed):
+    if isinstance(made, Interface | NamedMaterial | Embossed | MixedUse):
         return made
     name, displacement = parameters.text("normalmap", ""), parameters.take("displacement", "texture")
     if name:
@@ -111,25 +113,40 @@ HALF_OF_A_SHEET = 0.25  # pbrt's default of either part
 
 
 def _diffuse_transmission(parameters: Parameters) -> MaterialUse:
-    reflectance, transmittance = (_spectrum(parameters, part) for part in ("reflectance", "transmittance"))
+    reflectance, transmittance = (
+        _texture(parameters, "spectrum", part, HALF_OF_A_SHEET) for part in ("reflectance", "transmittance")
+    )
     scale = parameters.number("scale", 1.0)
     return Pending(lambda builder: DiffuseTransmission(reflectance(builder), transmittance(builder), scale))
 
 
-def _spectrum(parameters: Parameters, name: str) -> Callable[[Builder], Texture]:
-    """A colour or the spectrum texture of a name, which is looked up when the file is read."""
-    parameter = parameters.take(name, "rgb", "spectrum", "texture")
+def _texture(parameters: Parameters, type_: str, name: str, default: float) -> Callable[[Builder], Texture]:
+    """A constant or the texture of a name, which is looked up when the file is read."""
+    types = ("float",) if type_ == "float" else ("rgb", "spectrum")
+    parameter = parameters.take(name, *types, "texture")
+    value = np.full(3, default)
     if parameter is None or parameter.type != "texture":
-        value = np.full(3, HALF_OF_A_SHEET)
-        value = value if parameter is None else colour_of(parameters, parameter, "reflectance")
+        if parameter is not None and type_ == "float":
+            value = np.full(3, parameters.number(name, default))
+        elif parameter is not None:
+            value = colour_of(parameters, parameter, "reflectance")
         return lambda builder: value
     texture, where = parameters.text_of(parameter), parameter.where
 
     def found(builder: Builder) -> Texture:
-        value = named_texture(builder, "spectrum", texture, where).value
-        return np.full(3, HALF_OF_A_SHEET) if value is None else value
+        made = named_texture(builder, type_, texture, where).value
+        return value if made is None else made
 
     return found
+
+
+def _mix(parameters: Parameters) -> MaterialUse:
+    names = parameters.texts("materials")
+    if len(names) != 2:
+        raise parameters.fail("materials", f'a mix needs "string materials", two names, not {len(names)}')
+    where = parameters.located("materials")
+    first, second = (NamedMaterial(name, where) for name in names)
+    return MixedUse(first, second, _texture(parameters, "float", "amount", 0.5))
 
 
 def _bare_conductor(parameters: Parameters) -> MaterialUse:
@@ -314,9 +331,37 @@ def _interface(parameters: Parameters) -> Interface:
     return Interface()
 
 
-def resolve_material(use: MaterialUse, builder: Builder) -> Material:
-    """The material that a use stands for, its names looked up; SceneError where there is no such name."""
+DEEPEST_MIX = 6  # mixes within mixes: 64 materials
+
+
+def _mixed(use: MixedUse, builder: Builder, within: tuple[str, ...]) -> MixedMaterial:
+    """within: the names of the mixes that this one is part of."""
+    parts: list[Material] = []
+    for part in (use.first, use.second):
+        if part.name in within:
+            raise SceneError(f"the mix {part.name!r} is made of itself", part.where)
+        if len(within) >= DEEPEST_MIX:
+            raise SceneError(f"mixes of mixes go {DEEPEST_MIX} deep at most", part.where)
+        found = _found(part, builder)
+        if isinstance(found, Interface):
+            raise SceneError('a mix with a material "interface" is not supported', part.where)
+        if isinstance(found, Embossed):
+            what = "a normal map or displacement of a material in a mix"
+            builder.report.substitute(what, "without it", part.where)
+        parts.append(resolve_material(found, builder, (*within, part.name)))
+    return MixedMaterial(parts[0], parts[1], use.amount(builder))
+
+
+def resolve_material(use: MaterialUse, builder: Builder, within: tuple[str, ...] = ()) -> Material:
+    """The material that a use stands for, its names looked up; SceneError where there is no such name.
+
+    within: the names of the mixes that it is part of.
+    """
+    if isinstance(use, NamedMaterial):
+        within = (*within, use.name)
     use = _found(use, builder)
+    if isinstance(use, MixedUse):
+        return _mixed(use, builder, within)
     if isinstance(use, Embossed):
         use = use.material
     if isinstance(use, NamedMaterial):
@@ -390,6 +435,7 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
     "coateddiffuse": _coated_diffuse,
     "coatedconductor": _coated_conductor,
     "diffusetransmission": _diffuse_transmission,
+    "mix": _mix,
     "interface": _interface,
     "subsurface": subsurface,
     "measured": measured,
@@ -416,6 +462,22 @@ def _(material: DiffuseTransmission, textures: TextureWriter) -> list[str]:
     parts = {"reflectance": material.reflectance, "transmittance": material.transmittance}
     text = " ".join(textures.parameter("spectrum", name, part, lines) for name, part in parts.items())
     return [*lines, f'Material "diffusetransmission" {text} "float scale" [ {material.scale!r} ]']
+
+
+@material_text.register
+def _(material: MixedMaterial, textures: TextureWriter) -> list[str]:
+    lines: list[str] = []
+    names: list[str] = []
+    for part in material.parts:
+        *before, text = material_text(part, textures)
+        name, new = textures.material_name(text)
+        names.append(name)
+        lines += before
+        if new:
+            kind, _, rest = text.removeprefix("Material ").partition(" ")
+            lines.append(f'MakeNamedMaterial {name} "string type" {kind} {rest}')
+    amount = textures.parameter("float", "amount", material.amount, lines)
+    return [*lines, f'Material "mix" "string materials" [ {" ".join(names)} ] {amount}']
 
 
 @material_text.register

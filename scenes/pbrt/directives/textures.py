@@ -340,6 +340,7 @@ class TextureWriter:
     def __init__(self, files: SideFiles) -> None:
         self.files = files
         self._names: dict[tuple[str, int], str] = {}
+        self._materials: dict[str, str] = {}
 
     def parameter(self, type_: str, name: str, texture: Texture, lines: list[str]) -> str:
         """A parameter of `type_` that is a constant or the name of a texture, whose text goes to `lines`."""
@@ -353,6 +354,11 @@ class TextureWriter:
     def parameters(self, named: Mapping[str, tuple[str, Texture]], lines: list[str]) -> str:
         """Several, given as name -> (type, texture)."""
         return " ".join(self.parameter(type_, name, one, lines) for name, (type_, one) in named.items())
+
+    def material_name(self, text: str) -> tuple[str, bool]:
+        """The name in quotes that the material of a text has or is to be given, and whether that is new."""
+        new = text not in self._materials
+        return self._materials.setdefault(text, quoted(f"material {len(self._materials) + 1}")), new
 
     def _name(self, type_: str, texture: Texture, lines: list[str]) -> str:
         key = (type_, id(texture))

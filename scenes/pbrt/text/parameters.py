@@ -134,6 +134,13 @@ class Parameters:
         """One `string`."""
         return self._one("string", name, default, _string)
 
+    def texts(self, name: str) -> list[str]:
+        """All values of a `string` list; none if not given."""
+        parameter = self.take(name, "string")
+        if parameter is None:
+            return []
+        return [_string(parameter.values.token(i)) for i in range(len(parameter.values))]
+
     def text_of(self, parameter: Parameter) -> str:
         """The one string of a parameter that was taken."""
         return _single(parameter, _string)

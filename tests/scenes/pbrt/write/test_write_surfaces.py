@@ -21,6 +21,7 @@ from scenes.description.materials import (
     Diffuse,
     DiffuseTransmission,
     Material,
+    MixedMaterial,
 )
 from scenes.description.scene import Film, PixelFilter, RenderDefaults, SceneDescription
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
@@ -113,6 +114,8 @@ class Rich(Random):
             return base
         if self.flag():
             return DiffuseTransmission(self.texture(), self.constant(gray=False), self.positive())
+        if self.flag():
+            return MixedMaterial(self.base(), self.material(), self.part(True, 2))
         alpha, across = self.alphas()
         coat = Dielectric(self.positive(), alpha, alpha_v=across)
         albedo, depth = self.rng.random(3), int(self.rng.integers(40))

@@ -1,0 +1,74 @@
+"""Surfaces of several materials: each point is of one of them, which a hash of the point and of wo chooses.
+
+As pbrt-v4's MixMaterial::ChooseMaterial [pharr2023, sec. 10.5.1]. The shapes of a scene are followed by rows
+that stand for the materials of mixes; a kind of material sees them as further shapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from renderer.interfaces.sampler import GOLDEN, mix
+from renderer.math.vectors import Floats
+from renderer.records import SurfaceHit
+from renderer.textures import Places, evaluate
+from scenes.description.materials import MixedMaterial
+from scenes.description.shapes import ShapeDescription
+from scenes.description.textures import Texture
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """row: of the mix. first, second: the rows of its materials. salt: sets nested choices apart."""
+
+    row: int
+    amount: Texture
+    first: int
+    second: int
+    salt: int
+
+
+@dataclass(frozen=True, eq=False)
+class Mixtures:
+    """All choices of a scene, each before those among its own materials."""
+
+    choices: tuple[_Choice, ...]
+
+    def chosen(self, hit: SurfaceHit) -> SurfaceHit:
+        """The points with the row of the material that each is of in the place of their shape."""
+        row = hit.shape.copy()
+        for choice in self.choices:
+            rows = np.flatnonzero(row == choice.row)
+            if rows.size:
+                amount = evaluate(choice.amount, Places.of(hit, rows))[0]
+                # pbrt takes the second where amount >= u, and draws no u where the amount is 0 or 1.
+                u = _hashed(choice.salt, hit.p.take(rows, axis=1), hit.wo.take(rows, axis=1))
+                second = (amount >= 1) | ((amount > 0) & (amount >= u))
+                row[rows] = np.where(second, choice.second, choice.first)
+        return replace(hit, shape=row)
+
+
+def mixtures(shapes: Sequence[ShapeDescription]) -> tuple[list[ShapeDescription], Mixtures | None]:
+    """The shapes and, after them, a row for each material of a mix; None where nothing is mixed."""
+    rows, salts = list(shapes), dict.fromkeys(range(len(shapes)), 1)
+    choices: list[_Choice] = []
+    for number, shape in enumerate(rows):  # which grows meanwhile
+        if isinstance(shape.material, MixedMaterial):
+            one, salt = shape.material, salts[number]
+            at = len(rows)
+            choices.append(_Choice(number, one.amount, at, at + 1, salt))
+            rows += [replace(shape, material=part) for part in one.parts]
+            salts |= {at: 2 * salt, at + 1: 2 * salt + 1}
+    return rows, Mixtures(tuple(choices)) if choices else None
+
+
+def _hashed(salt: int, *vectors: Floats) -> Floats:
+    """Numbers (n,) in [0, 1), one for each row of vectors (3, n)."""
+    state = np.full(vectors[0].shape[1], GOLDEN ^ salt, dtype=np.uint64)
+    for vector in vectors:
+        for part in vector:
+            state = mix(state ^ np.ascontiguousarray(part + 0.0).view(np.uint64))
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
