@@ -76,8 +76,10 @@ def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
             raise PenumbraError(f"cannot read {str(path)!r}: it is no regular file")
         check_fetched(path)
         with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
-            limit = min(FILE_LIMIT, PACKED_LIMIT) if path.suffix.lower() == ".gz" else FILE_LIMIT
-            data = stream.read(min(first, limit + 1))
+            packed = path.suffix.lower() == ".gz"
+            limit = min(FILE_LIMIT, PACKED_LIMIT) if packed else FILE_LIMIT
+            # Python sets aside at once what it is asked to read at most.
+            data = stream.read(min(first, limit + 1, *(() if packed else (status.st_size + 1,))))
     except (OSError, ValueError, EOFError, zlib.error) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise PenumbraError(f"cannot read {str(path)!r}: {reason}") from None

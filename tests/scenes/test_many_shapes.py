@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -149,3 +150,14 @@ def test_a_packed_file_has_a_limit_of_its_own(tmp_path: Path, monkeypatch: pytes
     (tmp_path / "a.gz").write_bytes(gzip.compress(bytes(2000)))
     with pytest.raises(PenumbraError, match="larger than"):
         files.read_bytes(tmp_path / "a.gz")
+
+
+def test_a_small_file_takes_little_memory(tmp_path: Path) -> None:
+    """Not what a file may have at most, 4 GiB, which a strict system would refuse."""
+    (tmp_path / "a.txt").write_bytes(bytes(2000))
+    tracemalloc.start()
+    try:
+        files.read_bytes(tmp_path / "a.txt")
+        assert tracemalloc.get_traced_memory()[1] < 10**6
+    finally:
+        tracemalloc.stop()
