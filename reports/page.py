@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from pipeline.store.run_folder import Run, load_run
+from reports.data import points_csv
 from reports.figures import error_against_parameter, error_against_time, html, plotly_source
 from reports.findings import (
     cost_sentences,
@@ -83,6 +84,7 @@ def write_report(run_dir: Path, out_dir: Path | None = None) -> Path:
     try:
         (out / ASSETS).mkdir(parents=True, exist_ok=True)
         _write_assets(out / ASSETS, sections, hero)
+        write_file(out / "data.csv", points_csv(_panels(views)))
         write_file(out / "index.html", _render(run, views, sections, hero))
     except OSError as error:
         raise PenumbraError(f"{out}: cannot write the report: {error.strerror}") from error

@@ -7,6 +7,7 @@ the three digits that the page shows. tests/kit/truth_store.py makes the store.
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
@@ -174,8 +175,13 @@ def truth() -> dict[str, list[Truth]]:
 
 
 @pytest.fixture(scope="module")
-def text(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_report(STORE, tmp_path_factory.mktemp("truth")).read_text(encoding="utf-8")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(STORE, tmp_path_factory.mktemp("truth"))
+
+
+@pytest.fixture(scope="module")
+def text(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
 
 
 def error_rows(text: str, study: str) -> list[dict[str, tuple[str, str, str]]]:
@@ -329,3 +335,22 @@ def test_the_pictures_of_the_first_screen(truth: dict[str, list[Truth]], text: s
     ]
     for name, row in ((names[1], at[0]), (names[2], at[-1])):
         assert number(name.split("RMSE ")[1]) == pytest.approx(row.rmse[0], rel=DIGITS)
+
+
+def test_every_number_of_the_csv(truth: dict[str, list[Truth]], page: Path) -> None:
+    """Catches a number given for a refused point, CPU seconds, and rays that are turned round."""
+    rows = list(csv.DictReader((page.parent / "data.csv").read_text(encoding="utf-8").splitlines()))
+    expected = [(study, row) for study, found in truth.items() for row in found]
+    assert len(rows) == len(expected) == 10
+    for row, (study, true) in zip(rows, expected, strict=True):
+        assert (row["study"], row["estimator"], float(row["x"])) == (study, true.estimator, true.place)
+        assert row["verdict"] == ("ok" if true.trusted else "untrustworthy")
+        for name, triple in (("rmse", true.rmse), ("seconds", true.seconds), ("efficiency", true.efficiency)):
+            shown = [row[name], row[f"{name}_low"], row[f"{name}_high"]]
+            if not true.trusted and name != "seconds":
+                assert shown == ["", "", ""]
+            else:
+                assert [float(x) for x in shown] == pytest.approx(list(triple), rel=1e-4)
+        for kind in ("primary", "shadow"):
+            mean = np.mean([record["rays"][kind] for record in true.records])
+            assert float(row[f"{kind}_rays"]) == pytest.approx(mean, abs=1)
