@@ -14,7 +14,7 @@ from functools import singledispatch
 import numpy as np
 
 from pipeline.references.mitsuba.worker import Plugin
-from scenes.description.materials import Conductor, Dielectric, Diffuse, Material, Microfacets
+from scenes.description.materials import Conductor, Dielectric, Diffuse, Material, Microfacets, MixedMaterial
 from scenes.description.shapes import Array
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import Location, SceneError
@@ -77,9 +77,36 @@ def _(material: Dielectric, to_uv: Array, where: Location | None) -> Plugin:
     return Plugin("bsdf", "penumbra_dielectric", {"alpha": material.alpha, "eta": material.eta})
 
 
+@_bsdf.register
+def _(material: MixedMaterial, to_uv: Array, where: Location | None) -> Plugin:
+    """A mix of diffuse materials has the light of one whose reflectance is the mean of theirs."""
+    reflectance = _reflectance(material)
+    if reflectance is None:
+        raise SceneError("Mitsuba is given a MixedMaterial of diffuse materials alone", where)
+    return _bsdf(Diffuse(reflectance), to_uv, where)
+
+
+@singledispatch
+def _reflectance(material: Material) -> Texture | None:
+    """That of the diffuse material which this one stands for, None where it stands for none."""
+    return None
+
+
+@_reflectance.register
+def _(material: Diffuse) -> Texture:
+    return material.reflectance
+
+
+@_reflectance.register
+def _(material: MixedMaterial) -> Texture | None:
+    first, second = (_reflectance(part) for part in material.parts)
+    return None if first is None or second is None else Mix(first, second, material.amount)
+
+
 def is_textured(material: Material, where: Location | None) -> bool:
     """Whether it matters where on the shape a point is."""
-    return isinstance(material, Diffuse) and not isinstance(_expand(material.reflectance, where), np.ndarray)
+    reflectance = _reflectance(material)
+    return reflectance is not None and not isinstance(_expand(reflectance, where), np.ndarray)
 
 
 def bitmap(image: Array, mapping: UVMapping, wrap: str, filtering: str, to_uv: Array) -> Plugin:

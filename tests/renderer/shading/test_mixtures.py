@@ -11,7 +11,7 @@ from renderer.build import build
 from renderer.interfaces.material import Lobes, lobes_of
 from renderer.math.vectors import normalize
 from renderer.records import SurfaceHit
-from scenes.description.materials import Diffuse, MixedMaterial
+from scenes.description.materials import Conductor, Diffuse, MixedMaterial
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
 from scenes.pbrt.parser import parse
@@ -195,6 +195,11 @@ def test_one_colour_is_drawn_and_colours_are_changed() -> None:
     np.testing.assert_allclose(changed.normal_reflectance, 0.5 * mix.normal_reflectance)
 
 
-def test_mitsuba_refuses_mixes_by_name() -> None:
-    with pytest.raises(SceneError, match="MixedMaterial"):
-        bsdf(MixedMaterial(Diffuse(RED), Diffuse(BLUE), np.full(3, 0.25)), np.eye(3), None)
+def test_mitsuba_is_given_mixes_of_diffuse_materials_as_one_and_no_others() -> None:
+    red, blue = Diffuse(np.array([0.8, 0.2, 0.0])), Diffuse(np.array([0.0, 0.2, 0.4]))
+    half = np.full(3, 0.5)
+    plugin = bsdf(MixedMaterial(red, MixedMaterial(red, blue, half), half), np.eye(3), None)
+    reflectance = plugin.values["one"].values["reflectance"]
+    np.testing.assert_allclose(reflectance, [0.6, 0.2, 0.1])  # 0.75 red and 0.25 blue
+    with pytest.raises(SceneError, match="MixedMaterial of diffuse"):
+        bsdf(MixedMaterial(red, Conductor(np.ones(3), np.ones(3), 0.1), half), np.eye(3), None)
