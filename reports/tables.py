@@ -84,10 +84,10 @@ def _metric_cells(point: Point, metrics: Sequence[str]) -> Iterator[Cell]:
 
 
 def _metric_heading(metric: Metric) -> Heading:
-    """The title up to its definition, its unit if it has one, and whether more of it is better."""
+    """The title up to its definition, its unit if it has one, and an arrow where more of it is better."""
     units = [metric.unit] if metric.unit != "1" else []
-    more = ["higher is better"] if metric.better == "higher" else []
-    return Heading(re.split(r",| \(", metric.title)[0], ", ".join(units + more))
+    more = ["\u2191"] if metric.better == "higher" else []
+    return Heading(re.split(r",| \(", metric.title)[0], " ".join(units + more))
 
 
 def _baseline_row(panel: Panel, metrics: Sequence[str]) -> list[Row]:

@@ -144,7 +144,7 @@ def test_shapes_know_where_they_stand() -> None:
         ('Material "diffuse" "float roughness" .1', 1, 20, ("roughness", "reflectance")),
         ('NamedMaterial "gone" Shape "sphere"', 1, 1, ("'gone'", "none")),
         ('MakeNamedMaterial "m" "rgb reflectance" [ 1 1 1 ]', 1, 1, ("string type",)),
-        ('MakeNamedMaterial "m" "string type" "mix"', 1, 1, ('"mix"', '"diffuse"')),
+        ('MakeNamedMaterial "m" "string type" "mixed"', 1, 1, ('"mixed"', '"diffuse"')),
         ('AreaLightSource "spot"', 1, 1, ('"spot"', '"diffuse"')),
         ('AreaLightSource "diffuse" "rgb L" [ 1 -2 1 ]', 1, 39, ("negative: -2",)),
         ('AreaLightSource "diffuse" "float scale" -1', 1, 27, ("negative",)),
