@@ -65,8 +65,9 @@ class Files:
 
 
 def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
-    """The content of a file, decompressed if its name ends in .gz, or its first bytes; PenumbraError if it
-    cannot be read or is too large.
+    """The content of a file, decompressed if its name ends in .gz, or its first bytes.
+
+    PenumbraError if the file cannot be read or is too large.
     """
     try:
         status = path.stat()

@@ -1,4 +1,4 @@
-"""`penumbra baseline`: the scene rasterised by pyrender, the cheap end of every chart of error against
+"""`penumbra baseline`: rasterise the scene by pyrender, the cheap end of every chart of error against
 time.
 """
 

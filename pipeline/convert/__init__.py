@@ -1,1 +1,3 @@
-"""Scenes of other programs as pbrt-v4 text; in `pipeline`, since a command alone needs them."""
+"""Conversion of Mitsuba 3 and glTF 2.0 scenes to pbrt-v4 text. It lies in `pipeline`, since only a command
+uses it.
+"""

@@ -1,4 +1,4 @@
-"""A scene file of pbrt-v4 in the making: directives, images beside it, and what was lost on the way."""
+"""A pbrt-v4 scene file under construction: directives, images beside it, and the losses of the conversion."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DIRECT = 'Integrator "path" "integer maxdepth" [ 1 ]'
 
 @dataclass(eq=False)
 class Losses:
-    """The losses of a conversion: one line a kind, with the first place and how many more."""
+    """The losses of a conversion: one line a kind, with the first place and the number of further places."""
 
     _kinds: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 
@@ -68,7 +68,7 @@ class Document:
         return self._files.images
 
     def light(self, light: Light) -> None:
-        """A light that is no shape."""
+        """Add a light without a shape."""
         self._attribute(light_text(light, self._files))
 
     def shape(self, lines: Sequence[str], material: Material, emission: Emission | None) -> None:
@@ -140,9 +140,9 @@ def patch_lines(corners: Array, reverse: bool = False) -> list[str]:
 
 
 def write(document: Document, origin: str, output: Path) -> SceneDescription:
-    """Write the text and its images, which take their names when all of them are whole and are read back.
+    """Write the text and its images. The images get their final names once all are complete and read back.
 
-    Returns the scene as it is read. PenumbraError where it cannot be written or is none that is rendered.
+    Returns the scene as it is read. PenumbraError where it cannot be written, or Penumbra cannot render it.
     """
     if output.name in document.images:
         raise PenumbraError(f"{output}: an image beside it would have its name")

@@ -1,5 +1,5 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""The functions of SciPy in use here, with types: quantiles and tails of distributions, a root, box
+"""Typed wrappers of the SciPy functions in use: quantiles and tails of distributions, a root finder, box
 filters.
 """
 

@@ -69,7 +69,7 @@ def metrics_fingerprint() -> str:
 
 @functools.cache
 def imported_code(*files: Path) -> str:
-    """16 digits of the SHA-256 of these files, of all that they import, and of REFERENCE_LIBRARIES."""
+    """16 digits of a SHA-256 over these files, all that they import, and REFERENCE_LIBRARIES."""
     return hash_code(ROOT, imported_files(*files), REFERENCE_LIBRARIES)[:16]
 
 

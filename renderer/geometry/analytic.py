@@ -211,9 +211,9 @@ class AnalyticPrimitives:
 
 @singledispatch
 def primitives_of(geometry: Geometry, shape: int) -> list[AnalyticPrimitives]:
-    """The primitives of a shape, one a face of a mesh; shape: its number among the scene's.
+    """The primitives of a shape, one a face of a mesh. shape: its number in the scene.
 
-    What has no area gets NaN, and is refused as a light.
+    A face without area gets NaN and is refused as a light.
     """
     raise TypeError(f"no formula for rays and {type(geometry).__name__}")
 
@@ -302,7 +302,7 @@ def _single(
 
 
 def join(parts: list[AnalyticPrimitives]) -> AnalyticPrimitives:
-    """All primitives of a list, in order; none are an object of length 0."""
+    """All primitives of a list, in order; an empty list gives an object of length 0."""
     end = None if parts else 0
     some = parts or [_single(SPHERE, 0, np.zeros(3))]  # for the shapes of its arrays alone
     return AnalyticPrimitives(

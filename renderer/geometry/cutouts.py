@@ -1,8 +1,8 @@
-"""Holes in surfaces: a ray meets a point of a shape with the probability that its alpha has there.
+"""Alpha cutouts: a ray hits a point of a shape with the probability that the alpha gives there.
 
-As pbrt-v4's GeometricPrimitive::Intersect [pharr2023, sec. 7.1.1]: a hash of the ray's origin and direction
-decides, so that the same ray always fares the same; where it goes through, a new ray starts behind the
-surface. Camera rays and shadow rays do so alike.
+As in pbrt-v4's GeometricPrimitive::Intersect [pharr2023, sec. 7.1.1], a hash of the ray's origin and
+direction decides, so that the same ray always has the same outcome. Where a ray passes, a new one starts
+behind the surface. Camera rays and shadow rays do so alike.
 """
 
 from __future__ import annotations

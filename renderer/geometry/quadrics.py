@@ -21,7 +21,7 @@ FULL_TURN = 2 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The part of each surface that is there; arrays that broadcast. phimax: radians. inner: of disks."""
+    """The part of each surface that is present; arrays broadcast. phimax: radians. inner: of disks."""
 
     radius: Floats
     zmin: Floats
@@ -127,7 +127,7 @@ def onto(form: str, part: Part, p: Floats) -> tuple[Floats, Floats]:
 
 
 def leaves_inwards(form: str, p: Floats, d: Floats) -> NDArray[np.bool_]:
-    """Whether rays d from points p on the surface go through its inside, where they may meet it again."""
+    """Whether rays d from points p on the surface go through its inside and may hit it again."""
     if form == "disk":
         return np.zeros(np.broadcast_shapes(p[0].shape, d[0].shape), dtype=np.bool_)
     along = p[0] * d[0] + p[1] * d[1]

@@ -1,9 +1,9 @@
-"""Shading normals from normal maps and bumps, as pbrt-v4's NormalMap() and BumpMap() have them [pharr2023,
+"""Shading normals from normal maps and bumps, as pbrt-v4's NormalMap() and BumpMap() compute them [pharr2023,
 sec. 10.5.3 and 10.5.4].
 
 The frame is that of the shading geometry: the normal on the surface's outside, dp/du and dp/dv. Under vertex
-normals pbrt makes dp/du normal to the shading normal s and takes s x dp/du for dp/dv, whatever that one's
-length; so does this.
+normals pbrt makes dp/du normal to the shading normal s. It then takes s x dp/du for dp/dv, whatever the
+length of dp/dv; this code does the same.
 """
 
 from __future__ import annotations

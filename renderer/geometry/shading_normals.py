@@ -33,9 +33,9 @@ class ShadingNormals:
     def at(
         self, p: Floats, n: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Unit shading normals (3, n) at points p (3, n), and whether they are vertex normals' (n,).
+        """Unit shading normals (3, n) at points p (3, n), and whether they come from vertex normals (n,).
 
-        n: (3, n) the geometric normals, which stand in for interpolated ones of no length or no number.
+        n: (3, n) the geometric normals, used where the interpolated normal has no length or is not finite.
         """
         face = self._face(triangle, primitive)
         out, own = n.copy(), np.zeros(face.size, dtype=np.bool_)

@@ -1,9 +1,9 @@
 """Triangles by Embree's BVH; the only import of embreex.
 
-Embree works in float32, so the triangles are moved to the origin and scaled to [-1, 1] first, hits are worked
-out anew in float64 from the triangle that Embree names, and shadow rays start off the surface by a bound on
-what float32 may have lost: rounding grows with the coordinates and with the size of the triangle, and so does
-the bound.
+Embree works in float32, so the triangles are first moved to the origin and scaled to [-1, 1]. Hits are
+recomputed in float64 from the triangle that Embree names. Shadow rays start off the surface by a bound on the
+error of float32. Rounding grows with the coordinates and with the size of the triangle, and so does the
+bound.
 """
 
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
@@ -51,7 +51,7 @@ class Triangles:
     bvh: EmbreeScene
 
     def only(self, keep: NDArray[np.bool_]) -> Triangles:
-        """The same triangles, of which only those to keep (t,) are met."""
+        """The same triangles, where rays hit only those of the mask (t,)."""
         vertices, faces = self.mesh
         return replace(
             self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep]))
@@ -118,7 +118,7 @@ class Triangles:
 
     @property
     def ray_offset(self) -> float:
-        """How far off its surface, at most, a ray starts; world units. Slivers apart."""
+        """The largest distance, in world units, that a ray starts off its surface; slivers do not count."""
         return self.largest * ROUNDINGS * ULP
 
     def _offset(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:

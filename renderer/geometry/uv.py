@@ -1,7 +1,7 @@
 """Texture coordinates of points on shapes, as pbrt-v4 lays them.
 
-On triangles and parallelograms they are an affine function of the point, on spheres and disks angles about
-their own axes.
+On triangles and parallelograms they are an affine function of the point. On spheres and disks they are angles
+about the shape's own axes.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ def _value(near: Floats, far: Floats, cosine: Floats) -> Floats:
 
 
 def _chances(near: Floats, far: Floats) -> tuple[Floats, Floats]:
-    """(n,) of either side; both 0 where all is black."""
+    """(n,) the probability of choosing each side; both are 0 where the surface is black."""
     first, second = near.max(axis=0), far.max(axis=0)
     both = np.maximum(first + second, TINY)
     return first / both, second / both

@@ -1,1 +1,1 @@
-"""Which effects a scene calls for, why, and what is proved to be nothing."""
+"""The plan: which effects a scene calls for, why, and which provably contribute nothing."""

@@ -109,8 +109,8 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
 
 
 def plan_occlusion(scene: RenderScene) -> RenderPlan:
-    """The plan for ambient occlusion: every surface is shaded, black or lit or not, everything shades, no
-    light is seen.
+    """The plan for ambient occlusion: every surface is shaded, black or not, lit or not; every shape
+    occludes; no light is seen.
     """
     start = time.perf_counter()
     count = len(scene)
@@ -146,7 +146,7 @@ class _Proofs:
 
 
 def _proved(scene: RenderScene, black: Bools) -> _Proofs:
-    """The effects that the proofs leave; everything in a scene that is too large for them."""
+    """The effects that the proofs leave; every effect, for a scene that is too large to prove."""
     count, sources = len(scene), len(scene.sources.all)
     if not provable(scene):
         everything = np.ones((count, sources), dtype=np.bool_)
@@ -170,8 +170,8 @@ def _sources(scene: RenderScene) -> Iterable[tuple[Source, int]]:
 
 
 def _seen(source: Source, visible: Bools, shape: int) -> bool:
-    """Whether a camera ray may meet a light: what has no extent is not seen, what surrounds the scene always
-    may be.
+    """Whether a camera ray may meet a light. A light without extent is never seen; one that surrounds the
+    scene always may be.
     """
     return bool(visible[shape]) if isinstance(source, ShapeDescription) else source.surrounds
 

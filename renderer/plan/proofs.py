@@ -1,6 +1,6 @@
-"""Proofs about a scene from planes that separate its shapes: the grounds of the plan.
+"""Proofs from planes that separate the shapes of a scene: the grounds of the plan.
 
-A shape lies between a receiver and a light only if no plane has it on one side and both of them on the other.
+A shape can be ruled out as a blocker if a plane has it on one side and both receiver and light on the other.
 The planes tried are those normal to an axis or to a flat shape.
 """
 
@@ -27,7 +27,7 @@ LARGEST_PROOF = 20_000_000  # entries of the (planes, shapes, shapes) table, bey
 
 
 def provable(scene: RenderScene) -> bool:
-    """Whether a scene has something to prove, and not too much of it."""
+    """Whether a scene has something to prove and is small enough to try."""
     count, sources = len(scene), len(scene.sources.all)
     return 0 < (3 + count) * count * count * sources <= LARGEST_PROOF
 
@@ -178,8 +178,10 @@ def crosses(scene: RenderScene, e: Extents) -> Bools:
 
 
 def gap(e: Extents, receiver: int, source: int) -> float:
-    """How far a receiver and a source are apart at least, in world units: by the best of the planes. 0 where
-    none is between them.
+    """A lower bound on the distance between a receiver and a source, in world units, by the best of the
+    planes.
+
+    It is 0 where no plane separates them.
     """
     above, below = e.light_low[:, source] - e.high[:, receiver], e.low[:, receiver] - e.light_high[:, source]
     both = np.maximum(np.where(np.isnan(above), -np.inf, above), np.where(np.isnan(below), -np.inf, below))

@@ -19,7 +19,7 @@ from renderer.shading.visibility import Seen, visible
 def lights_met(
     scene: RenderScene, hit: SurfaceHit, sample: BSDFSample
 ) -> tuple[Seen, Floats, NDArray[np.bool_]]:
-    """The light along each sample, its radiance (3, n), and whether any of it may be scattered (n,)."""
+    """Radiance (3, n) of the light along each sample, and whether any of it may be scattered (n,)."""
     seen, le = light_along(scene, hit, sample.wi)
     useful = (seen.light >= 0) & (sample.pdf > 0) & le.any(axis=0) & sample.value.any(axis=0)
     return seen, le, useful

@@ -182,8 +182,9 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class RenderDefaults:
-    """The file's wishes of a renderer: `Sampler` and `Integrator`, defaults that a request may override;
-    None where it says nothing.
+    """The `Sampler` and `Integrator` that a file asks for: defaults that a request may override.
+
+    A field is None where the file says nothing.
     """
 
     sampler: str = "independent"

@@ -1,5 +1,5 @@
-"""The nesting of a scene file: attribute blocks, objects and imported files, each of which gives the state
-back as it was.
+"""The nesting of a scene file: attribute blocks, objects and imported files. Each restores the state on its
+end.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Blocks:
         self._builder.state = self._open.pop().state
 
     def end_import(self, token: Token) -> None:
-        """The end of an imported file: its blocks must be closed, and its state does not reach the file that
-        imports it.
+        """Close an imported file: its blocks must be closed, and its state does not reach the importing
+        file.
         """
         block = self._open[-1]
         if block.token is not token:

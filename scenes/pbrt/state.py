@@ -163,7 +163,7 @@ class InstanceUse:
 
 @dataclass(frozen=True, eq=False)
 class NamedTexture:
-    """A texture by its name; value is None where it is not supported, which the report then says. size: its
+    """A texture by its name. value: None where the texture is not supported, which the report says. size: its
     nodes.
 
     plain: whether pbrt takes it for a constant.
@@ -247,7 +247,7 @@ Handler = Callable[[Builder, str, Parameters], None]
 
 
 def check_room(collection: Sized, what: str, where: Location) -> None:
-    """SceneError where a file makes more of something than memory should be filled with."""
+    """SceneError where a file would make more of something than memory should hold."""
     if len(collection) >= COUNT_LIMIT:
         raise SceneError(f"more than {COUNT_LIMIT:,} {what}", where)
 

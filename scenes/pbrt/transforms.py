@@ -73,12 +73,12 @@ class Transform:
 
     @property
     def projects(self) -> bool:
-        """Whether it is no affine map: then it turns directions, and places nothing."""
+        """Whether the map is not affine: it then turns directions but cannot place points."""
         return bool(np.any(self.matrix[3, :3]))
 
     @property
     def swaps_handedness(self) -> bool:
-        """Whether it mirrors."""
+        """Whether the transformation mirrors."""
         return _swaps_handedness(self.matrix[:3, :3].tobytes())
 
     def inverted(self) -> Transform:

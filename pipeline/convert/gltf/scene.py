@@ -202,7 +202,7 @@ class _Converter:
         return np.stack([order[i], order[i + 1 + odd], order[i + 2 - odd]], axis=1)
 
     def _light(self, index: Any, matrix: Array, where: str) -> None:
-        """In W where glTF has lumen: all lights by one factor."""
+        """A punctual light; W stands for glTF's lumen, by one factor for all lights."""
         every = self._file.data.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
         if not isinstance(index, int) or not 0 <= index < len(every):
             raise self._file.fail(where, f"there is no light {index}")
@@ -249,7 +249,9 @@ class _Converter:
         self._film(aspect)
 
     def _look_on(self) -> None:
-        """A camera that sees the whole box of the scene from its front, +z, a little from above."""
+        """A camera in front of the scene, on its +z side and a little above, that sees its whole bounding
+        box.
+        """
         if not np.isfinite(self._low).all():
             raise PenumbraError(f"{self._file.path}: there is nothing in the scene")
         self._lost("the scene has no camera: one looks at it from +z", "cameras")

@@ -91,7 +91,7 @@ class Surfaces:
         return Coated(Dielectric(ior, alpha), Diffuse(color))
 
     def _emission(self, given: Object, more: Object, where: str) -> Emission | None:
-        """In W/(m^2 sr) what glTF counts in nits."""
+        """Emission; W/(m^2 sr) stands for glTF's nits, by the factor of all lights."""
         factor = self.file.numbers(given, "emissiveFactor", [0.0, 0.0, 0.0], where)
         strength = more.get("KHR_materials_emissive_strength", {})
         radiance = factor * self.file.number(strength, "emissiveStrength", 1.0, where)

@@ -170,7 +170,7 @@ class _Converter:
 
 
 def _light(emitter: Plugin, name: str) -> Array:
-    """(3,) of an emitter, not negative."""
+    """(3,) the colour of an emitter; it must not be negative."""
     color = emitter.color(name, 1.0)
     if (color < 0).any():
         raise SceneError(f"{name} must not be negative", emitter.where)

@@ -78,7 +78,7 @@ class Surfaces:
         return _KINDS[bsdf.type](self, bsdf, to_uv)
 
     def blend(self, bsdf: Plugin, to_uv: Array | None) -> Material:
-        """A mix of diffuse surfaces is one; of others the heavier stays."""
+        """A mix of diffuse surfaces becomes one diffuse surface; of other surfaces the heavier is kept."""
         parts = [self._convert(part, to_uv, True) for part in bsdf.all("bsdf")]
         if len(parts) != 2:
             raise SceneError("a blendbsdf needs two BSDFs", bsdf.where)
@@ -128,7 +128,7 @@ class Surfaces:
         return None
 
     def image(self, texture: Plugin) -> Array:
-        """(h, w, 3) of a bitmap, linear."""
+        """The pixels (h, w, 3) of a bitmap, in linear RGB."""
         name, raw = texture.text("filename", ""), texture.flag("raw", False)
         if (name, raw) not in self._images:
             path = self.files.find(name, None, texture.where)
@@ -141,13 +141,13 @@ class Surfaces:
         return self._images[name, raw]
 
     def within(self, color: Array, name: str, owner: Plugin) -> Array:
-        """A reflectance cut off to [0, 1]."""
+        """A reflectance clamped to [0, 1]."""
         if (color < 0).any() or (color > 1).any():
             self.losses.add(f"{name} is cut off to [0, 1]", owner.where)
         return np.clip(color, 0.0, 1.0)
 
     def constant(self, owner: Plugin, name: str, default: float) -> Array:
-        """A colour, the mean of a texture with a word on it."""
+        """A colour; a texture gives its mean, and the loss is noted."""
         if (found := owner.part("texture", name)) is not None:
             self.losses.add(f"a texture of {name} is its mean", found.where)
         return mean(self.texture(owner, name, default, None)) if found else owner.color(name, default)

@@ -175,7 +175,7 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def _sensor(builder: Builder, parameters: Parameters) -> None:
-    """The ISO value; notes on a sensor, a white balance and a limit that would change colours or clamp."""
+    """The ISO value. A sensor, a white balance or a limit that would change or clamp colours gives a note."""
     require_value(
         parameters, "exposuretime", parameters.number("exposuretime", 1.0), 1.0, "the shutter's times expose"
     )

@@ -1,5 +1,5 @@
-"""`Sampler`, `Integrator`, `Accelerator` and `Option`: what a file asks of a renderer, defaults that a
-request may override.
+"""`Sampler`, `Integrator`, `Accelerator` and `Option`: the renderer settings of a file, which a request may
+override.
 """
 
 from __future__ import annotations
@@ -111,8 +111,8 @@ def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def check_delta(builder: Builder) -> None:
-    """Report `samplelights` that is false where pbrt would then leave out lights that no direction finds by
-    chance.
+    """Report `samplelights` false where pbrt would then lose delta lights, which no sampled direction
+    meets.
     """
     delta = any(not light.surrounds for light in builder.lights)
     if builder.without_lights is not None and delta:
@@ -130,7 +130,7 @@ def _ambient_occlusion(builder: Builder, parameters: Parameters) -> None:
 
 
 def accelerator(_: Builder, kind: str, parameters: Parameters) -> None:
-    """`Accelerator`: accepted whatever it says, since it changes no image."""
+    """`Accelerator`: every value is accepted, since none changes the image."""
     parameters.ignore()
 
 

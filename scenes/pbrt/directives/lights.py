@@ -79,7 +79,7 @@ def emitted(parameters: Parameters, name: str) -> Array:
 
 
 def factor(parameters: Parameters) -> float:
-    """`scale`; pbrt takes light away where it is negative."""
+    """The `scale`; as in pbrt, a negative one subtracts light."""
     found = parameters.number("scale", 1.0)
     if found < 0:
         parameters.substitute("scale", "a light of negative scale", "as no light")
@@ -96,7 +96,7 @@ def checked(parameters: Parameters, name: str, radiance: Array) -> Array:
 
 
 def _positive(parameters: Parameters, name: str) -> float | None:
-    """A `power` or an `illuminance`; pbrt takes what is not positive for not given."""
+    """A `power` or an `illuminance`; like pbrt, treat a value that is not positive as not given."""
     value = parameters.number(name, -1.0)
     return value if value > 0 else None
 

@@ -1,7 +1,8 @@
 """Participating media and the surfaces between them: `MakeNamedMedium`, `MediumInterface`, `"interface"`.
 
-No medium is simulated. pbrt's integrators for surfaces see none either, so that only a volumetric one makes a
-medium count, and only where a ray can enter it: from a camera inside, or at a surface between two media.
+No medium is simulated. pbrt's surface integrators ignore media too, so a medium counts only under a
+volumetric integrator. Even then a ray must be able to enter it: from a camera inside, or at a surface between
+two media.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def surfaces(builder: Builder, shapes: Iterable[PlacedShape]) -> list[PlacedShap
 
 
 def check_media(builder: Builder) -> None:
-    """SceneError for a medium that is used and not made."""
+    """Raise SceneError for a medium that is used but never made."""
     for media, _ in builder.media_used:
         for name in filter(None, (media.inside, media.outside)):
             if name not in builder.media:

@@ -23,7 +23,7 @@ NORMAL_TOLERANCE = 1e-4  # of the components of a unit normal that says no more 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """The state of the file, as far as it bears on the next shape."""
+    """The part of the file's state that bears on the next shape."""
 
     transform: Transform
     reverse: bool
@@ -31,7 +31,7 @@ class Placement:
 
     @property
     def turned(self) -> bool:
-        """Whether the geometric normal is turned round."""
+        """Whether the geometric normal is flipped."""
         return self.reverse != self.transform.swaps_handedness
 
 

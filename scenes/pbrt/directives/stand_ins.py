@@ -74,7 +74,7 @@ def measured(parameters: Parameters) -> Diffuse:
 
 
 def hair(parameters: Parameters) -> Diffuse:
-    """A diffuse material of its colour, which pigments give by pbrt's fit [chiang2016]."""
+    """A diffuse material of the hair's colour; pbrt's fit [chiang2016] derives that colour from pigments."""
     parameters.ignore()
     parameters.substitute("", 'Material "hair"', "as diffuse of its colour")
     for name in ("reflectance", "color"):

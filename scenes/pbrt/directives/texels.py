@@ -68,9 +68,9 @@ def normals_of(builder: Builder, parameters: Parameters, name: str) -> Array:
 
 
 def means_of(builder: Builder, parameters: Parameters, name: str) -> Array:
-    """As `image_of`, for a light's image of one number a texel, (h, w): the mean of red, green and blue.
+    """As `image_of`, for a light's image with one number a texel, (h, w): the mean of red, green and blue.
 
-    pbrt keeps the mean in the precision of the file.
+    pbrt takes the mean in the precision of the file.
     """
     from scenes.images.exr import texture_header
 

@@ -1,6 +1,4 @@
-"""Lists of values: long runs of numbers are read in one go, and become tokens only where something is wrong
-with them.
-"""
+"""Lists of values: long runs of numbers are read at once; they become tokens only for an error message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and a word on what nobody reads."""
+"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and a report of parameters that nobody
+reads.
+"""
 
 from __future__ import annotations
 
@@ -117,7 +119,7 @@ class Parameters:
         self._report.substitute(what, nearest, self.located(name))
 
     def remark(self, name: str, message: str) -> None:
-        """Note what looks like a mistake and changes no image."""
+        """Note a likely mistake that changes no image."""
         self._report.remark(message, self.located(name))
 
     def number(self, name: str, default: float) -> float:
@@ -218,7 +220,7 @@ class Parameters:
         return None
 
     def ignore(self) -> None:
-        """Take all that is left as read: it changes nothing here, or a larger part is not supported
+        """Mark all remaining parameters as read: they change nothing here, or a larger part is not supported
         anyway.
         """
         self._unread.clear()
@@ -229,7 +231,7 @@ class Parameters:
         return [token.text for item in named for token in item.values]
 
     def _mean(self, parameter: Parameter, types: Sequence[str]) -> Parameter | None:
-        """A number or a colour in the place of a texture: its mean, None where it is not known by now."""
+        """The mean of a texture, a number or a colour, in place of it; None where it is not yet known."""
         single = "float" in types
         mean = None
         if self.mean is not None and len(parameter.values) == 1:
