@@ -410,7 +410,7 @@ def _surface(
 def _embossed(reliefs: Reliefs, hit: SurfaceHit) -> SurfaceHit:
     """Points with the shading normals of their reliefs, on the side of wo."""
     outside = np.where(hit.front, hit.ns, -hit.ns)
-    turned = reliefs.at(hit.p, outside, hit.uv, hit.shape, (hit.triangle, hit.primitive))
+    turned = reliefs.at(hit.p, outside, hit.uv, hit.shape, (hit.triangle, hit.primitive), hit.n)
     # The geometric normal on the outside, as pbrt orients it by the shading normal.
     n = np.where(dot(hit.n, outside) < 0, -hit.n, hit.n)
     turned = np.where(dot(turned, n) < 0, -turned, turned)

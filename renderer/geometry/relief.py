@@ -36,19 +36,27 @@ class Reliefs:
     smooth: ShadingNormals | None
 
     def at(
-        self, p: Floats, n: Floats, uv: Floats, shape: Integers, face: tuple[Integers, Integers]
+        self,
+        p: Floats,
+        n: Floats,
+        uv: Floats,
+        shape: Integers,
+        face: tuple[Integers, Integers],
+        flat: Floats | None = None,
     ) -> Floats:
         """Unit shading normals (3, n) at points p (3, n) of shapes (n,).
 
         n: (3, n) shading normals on the outside. uv: (2, n). face: triangle and primitive of each point.
+        flat: (3, n) geometric normals, which textures look at, where they are not n.
         """
+        flat = n if flat is None else flat
         out = n.copy()
         for number, relief in self.all:
             rows = np.flatnonzero(shape == number)
             if not rows.size:
                 continue
-            at = Places(uv.take(rows, axis=1), p.take(rows, axis=1), n.take(rows, axis=1))
-            frame = Frame.at(self, at.p, at.n, (face[0][rows], face[1][rows]))
+            at = Places(uv.take(rows, axis=1), p.take(rows, axis=1), flat.take(rows, axis=1))
+            frame = Frame.at(self, at.p, n.take(rows, axis=1), (face[0][rows], face[1][rows]))
             if isinstance(relief, NormalMap):
                 normal = _mapped(relief, at.uv, frame)
             else:

@@ -85,6 +85,16 @@ def test_a_flat_map_changes_nothing(tmp_path: Path) -> None:
     assert np.allclose(shaded(scene), TO_LIGHT[2], rtol=1e-6)
 
 
+def test_the_first_row_of_a_map_lies_at_v_1(tmp_path: Path) -> None:
+    upper, lower = np.array([0.3, -0.2, 0.9]), np.array([-0.4, 0.1, 0.8])
+    upper, lower = (n / np.linalg.norm(n) for n in (upper, lower))
+    image = np.repeat([upper] * 32 + [lower] * 32, 64, axis=0).reshape(64, 64, 3) / 2 + 0.5
+    write_exr(tmp_path / "n.exr", {c: np.ascontiguousarray(image[..., i]) for i, c in enumerate("RGB")})
+    found = shaded(mapped(tmp_path / "scene.pbrt", PLANE))
+    assert np.allclose(found[0], upper @ TO_LIGHT, rtol=1e-5)
+    assert np.allclose(found[-1], lower @ TO_LIGHT, rtol=1e-5)
+
+
 RAMP = """\
 Texture "ramp" "float" "imagemap" "string filename" "ramp.exr" "string wrap" "clamp"
 Material "diffuse" "texture displacement" "ramp"
@@ -109,6 +119,27 @@ def test_a_bump_that_rises_shades_as_the_plane_that_rises(ramps: Path) -> None:
     found = shaded(bumped(ramps, PLANE))[:, 2:-2]
     normal = np.array([-1 / 16, 0.0, 1.0]) / np.hypot(1, 1 / 16)
     assert np.allclose(found, normal @ TO_LIGHT, rtol=1e-5)
+
+
+def test_a_bump_by_points_rises_where_they_are(ramps: Path) -> None:
+    """s = x / 4 + 1/2 is u: the point moves with its step as u does."""
+    planar = '"string mapping" "planar" "vector3 v1" [ 0.25 0 0 ] "vector3 v2" [ 0 0.25 0 ]'
+    planar += ' "float udelta" 0.5 "float vdelta" 0.5'
+    (ramps / "scene.pbrt").write_text(HEAD + SUN + RAMP.replace('"clamp"', '"clamp" ' + planar) + PLANE)
+    found = shaded(parse_file(ramps / "scene.pbrt"))[:, 2:-2]
+    normal = np.array([-1 / 16, 0.0, 1.0]) / np.hypot(1, 1 / 16)
+    assert np.allclose(found, normal @ TO_LIGHT, rtol=1e-5)
+
+
+def test_a_bump_by_directions_sees_the_geometric_normal(ramps: Path) -> None:
+    """As pbrt's texture context has it: on a flat face a mix by the normal is constant, whatever N."""
+    mix = 'Texture "d" "float" "directionmix" "vector3 dir" [ 1 0 0 ] "float tex1" 9 "float tex2" 0\n'
+    material = 'Material "diffuse" "texture displacement" "d"\n'
+    normals = '"normal N" [ -1 0 1 1 0 1 1 0 1 -1 0 1 ]'
+    smooth = PLANE.replace('"integer', normals + ' "integer')
+    (ramps / "scene.pbrt").write_text(HEAD + SUN + mix + material + smooth)
+    bumped_, plain = parse_file(ramps / "scene.pbrt"), parse(HEAD + SUN + smooth)
+    np.testing.assert_allclose(shaded(bumped_), shaded(plain), rtol=1e-9)
 
 
 def test_vertex_normals_take_pbrts_frame(ramps: Path) -> None:
