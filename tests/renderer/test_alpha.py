@@ -82,6 +82,21 @@ def test_camera_rays_go_through_and_meet_what_lies_behind(shape: str, share: flo
     assert abs(mean(scene) - share) < WIDE * error(share)
 
 
+def test_what_lies_beyond_a_light_does_not_shade_it() -> None:
+    """A shadow ray that went through a sheet has less of its way left, or it would meet the sheet above.
+
+    A second lamp, too faint to count, keeps the plan from leaving that sheet out.
+    """
+    lamp = 'AttributeBegin AreaLightSource "diffuse" "rgb L" [ 9 9 9 ] "bool twosided" true\n'
+    lamp += 'Shape "bilinearmesh" "point3 P" [ -1 4 -1  1 4 -1  -1 4 1  1 4 1 ]\nAttributeEnd\n'
+    lamp += lamp.replace("9 9 9", "1e-9 1e-9 1e-9").replace(" 4 ", " 8 ")
+    below = ABOVE.replace("LookAt 0 6 0", "LookAt 0 1 0") + FLOOR + lamp + sheet(2, '"float alpha" 0.5')
+    alone, under = (parse(below + more) for more in ("", sheet(5, '"float alpha" 0.9')))
+    one, other = (render(s, estimator="area", spp=4, seed=2).image for s in (alone, under))
+    assert one.mean() > 0
+    np.testing.assert_allclose(other, one, atol=1e-6 * one.mean())
+
+
 def test_holes_of_a_texture_are_those_of_its_squares() -> None:
     """The sheet of a checkerboard's black squares is the sheets of its white ones."""
     board = 'Texture "holes" "float" "checkerboard" "float uscale" 2 "float vscale" 2\n'
