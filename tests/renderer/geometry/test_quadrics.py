@@ -58,6 +58,15 @@ def test_a_ray_to_a_point_of_a_quadric_meets_it_there_and_nowhere_before_unless_
     np.testing.assert_allclose(n, normalize(true), atol=1e-9)
 
 
+def test_a_ray_goes_through_the_hole_of_a_disk():
+    ring = Quadric("disk", np.eye(3, 4), 0.8, 0.3, 0.3, 0.4)
+    own = join(primitives_of(ring, 0))
+    o = np.array([[0.0, 0.39, 0.41, 0.79, 0.81], [0.0] * 5, [2.0] * 5])
+    t, met = own.closest(np.array([0]), o, np.repeat([[0.0], [0.0], [-1.0]], 5, axis=1))
+    assert met.tolist() == [-1, -1, 0, 0, -1]
+    np.testing.assert_allclose(t[2:4], 1.7, rtol=1e-12)
+
+
 def test_a_ray_that_leaves_a_bowl_inwards_meets_its_other_wall():
     own = join(primitives_of(Quadric("sphere", np.eye(4)[:3], 1.0, -1.0, 0.0), 0))
     o, d = np.array([[-1.0], [0.0], [0.0]]), normalize(np.array([[1.0], [0.0], [-1.0]]))
