@@ -192,18 +192,20 @@ def hemisphere(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return mu.ravel(), phi.ravel(), (weight[:, None] / 2 * weight * np.pi).ravel()
 
 
+@pytest.mark.parametrize("thickness", [0.0, 0.4])
 @pytest.mark.parametrize(("mu_o", "mu_i", "turn"), VIEWS)
 def test_a_rough_coat_lets_light_through_as_its_integral_and_pbrts_weights_say(
-    mu_o: float, mu_i: float, turn: float
+    mu_o: float, mu_i: float, turn: float, thickness: float
 ) -> None:
     """One bounce: what enters along wo, times R / pi, times what leaves towards wi, both by quadrature.
 
     Catches 1 %. Weights that add up to 1 would give another value, by more than that.
     """
     coat = Dielectric(1.5, 0.5)
-    mean, error = value(Coated(coat, GRAY, 0.0, max_depth=1), mu_o, mu_i, turn)
+    mean, error = value(Coated(coat, GRAY, thickness, max_depth=1), mu_o, mu_i, turn)
     glass = DielectricMaterials.make([shape(coat)])
     mu, phi, area = hemisphere(150)
+    area = area * np.exp(-thickness / mu)  # what the layer lets through, on either way
     wo = np.repeat(local(mu_o, 0.3), mu.size, axis=1)
     entered = (glass.evaluate(seen(wo), -local(mu, phi))[0] * mu * area).sum()
     wi = local(mu_i, 0.3 + turn)
@@ -327,3 +329,18 @@ def test_every_estimator_sees_a_smooth_coat_whole(estimator: str) -> None:
     error = np.sqrt(found.variance.mean(axis=(0, 1)) / 64**2)
     assert (SIGMA * error < 0.03 * truth).all()
     assert (np.abs(found.image.mean(axis=(0, 1)) - truth) < SIGMA * error).all()
+
+
+@pytest.mark.parametrize("which", ["p", "wo", "wi"])
+def test_walks_are_of_the_point_and_of_both_directions(which: str) -> None:
+    """A change of 1e-9 draws other numbers, and leaves f's mean where it was."""
+    kind = CoatedMaterials.make([shape(Coated(Dielectric(1.5, 0.2), GRAY))])
+    p, wo, wi = np.full((3, 1), 0.5), local(0.7, 0.3), local(0.6, 2.0)
+    first = kind.evaluate(seen(wo, p), wi)
+    if which == "p":
+        p = p + 1e-9
+    elif which == "wo":
+        wo = local(0.7, 0.3 + 1e-9)
+    else:
+        wi = local(0.6, 2.0 + 1e-9)
+    assert np.abs(kind.evaluate(seen(wo, p), wi) / first - 1).max() > 1e-5
