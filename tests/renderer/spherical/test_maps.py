@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from renderer.math.piecewise import BELOW_ONE, Place
 from renderer.spherical.grid import SphereGrid
 from renderer.spherical.latlong import sphere_to_square as polar_square
-from renderer.spherical.octahedral import sphere_to_square, square_to_sphere
+from renderer.spherical.octahedral import sphere_to_square, square_to_sphere, wrapped_texels
 
 R = np.sqrt(0.5)
 # By hand from pbrt's EqualAreaSquareToSphere: u = 2x - 1, v = 2y - 1, r = 1 - |1 - |u| - |v||, z = +-(1 -
@@ -56,6 +56,25 @@ def test_octahedral_points_by_hand(square, direction):
     np.testing.assert_allclose(
         square_to_sphere(np.array(square, dtype=float)[:, None])[:, 0], direction, atol=2e-16
     )
+
+
+@pytest.mark.parametrize(
+    ("place", "texel"),
+    [
+        ((1, 2), (1, 2)),
+        ((-1, 2), (1, 1)),
+        ((4, 1), (3, 2)),
+        ((1, -1), (2, 1)),
+        ((1, 4), (2, 3)),
+        ((4, 4), (0, 1)),
+        ((-1, -1), (2, 3)),
+        ((4, -1), (0, 3)),
+    ],
+)
+def test_texels_beyond_an_edge_by_hand(place, texel):
+    """(column, row) of 4 by 4, by pbrt's RemapPixelCoords: one too far in beyond column 0 and row 0."""
+    column, row = (np.array([x]) for x in place)
+    assert tuple(int(x[0]) for x in wrapped_texels(column, row, 4)) == texel
 
 
 @given(UNIT, UNIT)
