@@ -23,7 +23,7 @@ from reports.findings import (
     stability_sentences,
 )
 from reports.formats import count, ends, interval, listing, millions, plain, power_of_ten, sig, spread
-from reports.series import Measure, Panel, Series, select_studies
+from reports.series import Measure, Panel, Series, measure_all, select_studies
 from tests.kit.small_run import GAPS, SECONDS, SEEDS, SIGMA, SPP, SPREAD
 
 
@@ -271,3 +271,15 @@ def test_other_texts() -> None:
     assert (spread([0.1, 0.3]), spread([0.1, 0.1])) == ("0.100 to 0.300", "0.100")
     assert interval(Measure(1.0, 0.5, 2.0)) == "1.00 (0.500 to 2.00)"
     assert (interval(Measure(1.0)), ends(Measure(1.0, math.nan, math.nan))) == ("1.00", "")
+
+
+def test_a_bound_is_the_end_that_nothing_lies_beyond() -> None:
+    """Below the noise an error has at most its upper end, and a likeness at least its lower one."""
+    mse = Score(metric="mse", value=2e-5, low=-1e-5, high=5e-5, bound=True)
+    near = Score(metric="psnr", value=40.0, low=38.0, high=43.0)
+    far = Score(metric="mae", value=0.2, low=0.1, high=0.4)
+    shift = Score(metric="bias", value=0.2, low=0.1, high=0.4)
+    found = measure_all([{s.metric: s for s in (mse, near, far, shift)}], None)
+    assert found["psnr"].bound and found["psnr"].value == 38.0
+    assert found["mae"].bound and found["mae"].value == 0.4
+    assert not found["bias"].bound and found["bias"].value == 0.2
