@@ -67,6 +67,14 @@ def test_a_ray_goes_through_the_hole_of_a_disk():
     np.testing.assert_allclose(t[2:4], 1.7, rtol=1e-12)
 
 
+def test_v_of_a_ring_is_0_on_its_rim_and_1_on_its_hole():
+    own = join(primitives_of(Quadric("disk", np.eye(3, 4), 0.8, 0.3, 0.3, 0.4), 0))
+    p = np.array([[0.8, 0.0, 0.4], [0.0, 0.7, 0.0], [0.3] * 3])
+    u, v = quadrics.texture_coordinates("disk", own.part(np.zeros(3, dtype=np.int64)), p)
+    np.testing.assert_allclose(u, [0.0, 0.25, 0.0], atol=1e-15)
+    np.testing.assert_allclose(v, [0.0, 0.25, 1.0], atol=1e-15)
+
+
 def test_a_ray_that_leaves_a_bowl_inwards_meets_its_other_wall():
     own = join(primitives_of(Quadric("sphere", np.eye(4)[:3], 1.0, -1.0, 0.0), 0))
     o, d = np.array([[-1.0], [0.0], [0.0]]), normalize(np.array([[1.0], [0.0], [-1.0]]))
