@@ -2,13 +2,13 @@
 that need a part of the system.
 
 PENUMBRA_FAST=1 (`make test-fast`) leaves out, by their markers, the tests that start processes, Mitsuba, a
-browser or OpenGL, the statistical and the large ones. In every run a test that starts any of these without a
-marker that says so fails, so that the selection is right.
+browser or OpenGL, the statistical, the thorough and the large ones. In every run a test that starts any of
+these without a marker that says so fails, so that the selection is right.
 PENUMBRA_SLOW=1 (`make test-all`) brings in the tests marked `slow`.
 PENUMBRA_STRICT=1 (`.ci/run`) turns the skip of a test that needs a system part, or of a whole module, into a
 failure.
 
-The fixtures `processes`, `mitsuba`, `browser`, `opengl` and `statistical` set the markers.
+The fixtures `processes`, `mitsuba`, `browser`, `opengl`, `statistical` and `thorough` set the markers.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ MARKERS = {
     "browser": "browser",
     "opengl": "opengl",
     "statistical": "statistical",
+    "thorough": "thorough",
 }
 STARTING = {"process", "mitsuba", "browser", "opengl"}  # markers of tests that may start what `_refuse` names
 STARTS = {
@@ -82,6 +83,11 @@ def opengl() -> None:
 @pytest.fixture(scope="session")
 def statistical() -> None:
     """Requested by tests whose verdict takes many samples, and seconds; each states its false alarms."""
+
+
+@pytest.fixture(scope="session")
+def thorough() -> None:
+    """Requested by modules of many seconds: quadratures to all digits, and renders of the whole library."""
 
 
 @pytest.fixture(scope="session")
@@ -162,7 +168,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         for fixture in MARKERS.keys() & set(getattr(item, "fixturenames", ())):
             item.add_marker(MARKERS[fixture])
-    left_out = STARTING | {"statistical", "large"} if FAST else set[str]()
+    left_out = STARTING | {"statistical", "thorough", "large"} if FAST else set[str]()
     if not SLOW and "slow" not in config.option.markexpr:
         left_out = left_out | {"slow"}
     out = [item for item in items if any(map(item.get_closest_marker, left_out))]

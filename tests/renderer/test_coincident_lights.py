@@ -15,6 +15,8 @@ from scenes.description.shapes import Disk, Geometry, Quadric, ShapeDescription,
 from scenes.pbrt.parser import parse
 from tests.kit.scenes import floor, light, patch, scene
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 # From the side of each estimator: directions by light, by BSDF, and both.
 ESTIMATORS = ("solid-angle", "area", "bsdf", "cosine", "mis", "mis-balance")
 SQUARE = np.array([[-1.0, 1.5, -1], [1, 1.5, -1], [1, 1.5, 1], [-1, 1.5, 1]])

@@ -19,6 +19,8 @@ from scenes.description.shapes import Disk, Sphere, TriangleMesh
 from scenes.errors import PenumbraError
 from tests.kit.scenes import box, floor, light, moved, patch, scene
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 WHITE = np.ones(3)
 DOWN = np.array([0.0, -1.0, 0.0])
 LAMPS = {

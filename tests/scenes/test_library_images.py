@@ -23,6 +23,8 @@ from scenes.errors import PenumbraError
 from scenes.images.exr import read_rgb
 from scenes.ply.mesh import read_ply
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 SMALL = {"xresolution": 40, "yresolution": 30}
 NAMES = [scene.name for scene in scenes.library()]
 COLOURED = ("cornell-direct",)

@@ -19,6 +19,8 @@ from pipeline.references import default_cache
 from scenes.images.exr import read_estimate_exr, write_exr
 from tests.pipeline.commands.test_commands import Penumbra, answer, penumbra
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 __all__ = ["penumbra"]
 
 ROOT = Path(__file__).parents[3]

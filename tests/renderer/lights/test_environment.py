@@ -15,6 +15,8 @@ from renderer.interfaces.light import LIGHTS
 from renderer.lights.environment import EnvironmentLights
 from scenes.description.lights import Environment
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 ONE = np.ones(3)
 POLAR = "latitude-longitude"
 TECHNIQUES = ("solid-angle", "environment", "environment-compensated")

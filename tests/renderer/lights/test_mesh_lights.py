@@ -17,6 +17,8 @@ from renderer.render import render
 from scenes.description.shapes import BilinearMesh, TriangleMesh
 from tests.kit.scenes import box, floor, light, reflect, scene
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 UP = np.array([0.0, 1.0, 0.0])
 POINTS = np.array([[0.0, 0, 0], [0.9, 0, -0.4], [-1.5, 0, 1.0]])
 BOUNDED = ("solid-angle", "projected-solid-angle", "mis", "area")

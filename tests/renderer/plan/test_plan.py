@@ -13,6 +13,8 @@ from renderer.render import RenderResult
 from scenes.description.shapes import BilinearMesh, Disk, ShapeDescription, Sphere
 from tests.kit.scenes import GRAY, floor, light, patch, scene
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 SMALL = {"xresolution": 48, "yresolution": 36}
 TINY = {"xresolution": 16, "yresolution": 12}
 CHUNKED = {"xresolution": 24, "yresolution": 18}  # 8,640 samples: 9 chunks of 1,000 rows, 26 of 333

@@ -14,6 +14,8 @@ from renderer.spherical.disk import FLAT, disk_view, invert, sample, solid_angle
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import Disk, Emission, ShapeDescription
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 DIGITS = 50
 # What is promised is 2e-15; a formula with any cancellation at all loses a factor of ten in one of the cases.
 PROMISED = 1e-14

@@ -21,6 +21,8 @@ from scenes.description.shapes import Disk, Emission, ShapeDescription, Sphere
 from tests.kit import exact_radiometry as exact
 from tests.kit.exact_radiometry import unit
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 UP = np.array([0.0, 0, 1])
 ORIGIN = np.zeros(3)
 # Relative error of what is wholly above the horizon, and absolute error of what is cut by it: a few

@@ -16,6 +16,8 @@ from renderer.spherical.sectors import NARROW, Sectors
 from tests.kit.exact_radiometry import unit
 from tests.renderer.spherical.test_polygon_irradiance import CASES, NORMALS, SQUARE, TRIANGLE, columns
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 U = np.random.default_rng(6).random((2, 40)) * 0.998 + 0.001
 
 # (start, outer slope, excess, width): level, climbing, falling to the horizon, thin, by the zenith, steep,

@@ -20,6 +20,8 @@ from tests.kit.scene_texts import HEAD, PATCH, TRIANGLE
 from tests.scenes.pbrt.test_pbrt_files import FOLDER as REFERENCES
 from tests.scenes.ply.test_meshes import QUADS, TRIANGLES, ascii_ply, binary_quads
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 WORDS = [
     *("LookAt", "Camera", "Film", "PixelFilter", "Sampler", "Integrator", "WorldBegin", "AttributeBegin", "AttributeEnd"),  # noqa: E501
     *("Translate", "Scale", "Rotate", "Transform", "ConcatTransform", "Identity", "ReverseOrientation", "Material"),  # noqa: E501

@@ -34,6 +34,8 @@ from scenes.images.exr import read_rgb
 from tests.kit.closed_form_scenes import LIGHTS, lit_by
 from tests.kit.mitsuba_scenes import moved, project, rectangle, shape, vector
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 PBRT = Path(__file__).parents[5] / "shared" / "references"
 GAPS = [1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0]
 

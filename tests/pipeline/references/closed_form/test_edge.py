@@ -21,6 +21,8 @@ from scenes.description.materials import Diffuse
 from scenes.description.scene import PixelFilter, SceneDescription
 from scenes.errors import PenumbraError, SceneError
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 SIZE = {"xresolution": 24, "yresolution": 24}
 CASES = [
     ("penumbra", {}),

@@ -21,6 +21,8 @@ from pipeline.references.closed_form.radiometry import (
 from tests.kit import exact_radiometry as exact
 from tests.kit.exact_radiometry import unit
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])  # emits towards +z
 DOWN, UP = np.array([0.0, 0, -1]), np.array([0.0, 0, 1])
 TILTED = unit([0.1, 0.3, -1])

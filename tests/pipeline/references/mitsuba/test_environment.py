@@ -10,6 +10,8 @@ from scenes.description.lights import Environment
 from scenes.description.shapes import Array
 from tests.kit.mitsuba_checks import solid_angles, towards
 
+pytestmark = pytest.mark.usefixtures("thorough")
+
 RNG = np.random.default_rng(7)
 NOISE = RNG.random((16, 16, 3))
 SUN = np.full((32, 32, 3), 0.1)
