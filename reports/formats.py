@@ -57,7 +57,7 @@ def interval(found: Interval | Measure, digits: int = 3) -> str:
 
 
 def spread(values: Sequence[float], digits: int = 3) -> str:
-    """The range of some values as `a to b`, or their one value where they agree to so many digits."""
+    """The range of the values as `a to b`; one number if both ends round to the same `digits` digits."""
     low, high = sig(min(values), digits), sig(max(values), digits)
     return low if low == high else f"{low} to {high}"
 

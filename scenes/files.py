@@ -33,10 +33,11 @@ class Files:
         self._allow_outside = allow_outside
 
     def find(self, name: str, near: Path | None, where: Location) -> Path:
-        """A file named in a scene: relative to the top file, as in pbrt, else to the file that names it, in
-        folder `near`.
+        """The path of a file that a scene names.
 
-        SceneError at `where` if it lies outside the root, also by way of a symbolic link.
+        Names are relative to the folder of the top file, as in pbrt, or else to `near`, the folder of the
+        file that names them. SceneError at `where` if the path leads outside the root, symbolic links
+        included, unless that is allowed.
         """
         folders = [self._root, near] if near is not None else [self._root]
         names = [name, name.replace("\\", "/")] if "\\" in name else [name]  # files written on Windows

@@ -47,7 +47,7 @@ def run(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run a sweep: references, then cells, then scores. What the folder has already is kept.
+    """Run a sweep: references, then cells, then scores. Results already in the folder are kept.
 
     Examples:
 

@@ -24,11 +24,11 @@ MIN_BATCHES = 64
 
 @dataclass(frozen=True)
 class ReferenceRequest:
-    """At least `spp` samples a pixel in at least `batches` runs of different seeds.
+    """At least `spp` samples a pixel, in at least `batches` runs that differ in their seed.
 
-    The spread of the runs gives the variance. quantity: radiance, or the share of the cosine-weighted
-    hemisphere that is free within the scene's occlusion distance. target: the relative standard error to
-    reach besides (see `accumulator.Precision`), None for none.
+    The spread of the runs gives the variance. quantity: radiance, or the cosine-weighted share of the
+    hemisphere that is unoccluded within the scene's occlusion distance. target: relative standard error to
+    render on to, by `accumulator.Precision`; None stops at `spp` and `batches`.
     """
 
     spp: int = 4096

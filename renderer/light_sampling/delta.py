@@ -109,7 +109,7 @@ def light_values(values: Floats, what: str, where: Location | None) -> Floats:
 
 
 def finite_vector(vector: Floats, what: str, where: Location | None) -> Floats:
-    """A position; SceneError where it is none."""
+    """The vector itself; SceneError if a component is not finite."""
     if not np.isfinite(vector).all():
         raise SceneError(f"{what} must be finite, not {', '.join(f'{v:.6g}' for v in vector)}", where)
     return vector

@@ -123,7 +123,7 @@ class PortalLights:
         return 0.5 + np.arctan2(low, z) / np.pi, 0.5 + np.arctan2(high, z) / np.pi, open_
 
     def local(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats]:
-        """The first corner as seen from points, along the edges (2, n), and its plane (n,) away."""
+        """The first corner relative to ref_p: (2, n) along the two edges, (n,) along the portal's axis."""
         d, frame = gather(self.corner, index) - ref_p, gather(self.frame, index)
         return np.stack([dot(frame[:, 0], d), dot(frame[:, 1], d)]), dot(frame[:, 2], d)
 

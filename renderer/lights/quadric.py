@@ -168,8 +168,8 @@ class QuadricArea:
 
 @dataclass(frozen=True, eq=False)
 class QuadricSolidAngle:
-    """Directions uniform in the solid angle of the whole sphere or disk in object space; on a cylinder by
-    area.
+    """Directions uniform in solid angle in object space, over the whole sphere or disk that a light is cut
+    from. A cylinder is sampled by area.
     """
 
     lights: QuadricLights

@@ -250,5 +250,5 @@ Light = PointLight | SpotLight | DistantLight | Environment | PortalLight | Goni
 
 
 def environments(lights: Iterable[Light]) -> tuple[Environment, ...]:
-    """Those of the lights that surround the scene without a portal."""
+    """The environment lights among `lights`, without those seen through a portal."""
     return tuple(light for light in lights if isinstance(light, Environment))
