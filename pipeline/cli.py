@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -44,6 +45,14 @@ def everywhere(
     allow_outside: Annotated[
         bool, typer.Option("--allow-outside", help="Let scene files name files outside their own folder.")
     ] = False,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--plugin",
+            metavar="FILE.py",
+            help="Import estimators, samplers or metrics of your own; may be repeated.",
+        ),
+    ] = None,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and stop.", is_eager=True, callback=_version)
     ] = False,
@@ -55,6 +64,10 @@ def everywhere(
         from scenes.catalog import ALLOW_OUTSIDE
 
         os.environ[ALLOW_OUTSIDE] = "1"
+    for file in plugin or ():
+        from scenes import plugins
+
+        plugins.use(file)
 
 
 app = _app()

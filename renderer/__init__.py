@@ -3,7 +3,7 @@ for.
 """
 
 from renderer.build import RenderScene, build
-from renderer.fingerprint import fingerprint
+from renderer.fingerprint import fingerprint, image_fingerprint
 from renderer.render import RenderResult, render
 
-__all__ = ["RenderResult", "RenderScene", "build", "fingerprint", "render"]
+__all__ = ["RenderResult", "RenderScene", "build", "fingerprint", "image_fingerprint", "render"]

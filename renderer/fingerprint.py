@@ -5,10 +5,15 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from scenes.hashing import hash_code
+from renderer.interfaces.estimator import ESTIMATORS
+from renderer.interfaces.sampler import SAMPLERS
+from scenes.hashing import hash_code, hash_values
+from scenes.imports import imported_files
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 LIBRARIES = ("numpy", "scipy", "embreex", "trimesh")  # an image's bits depend on them as on our sources
+# No other code of ours imports a module of these (an import contract): one of them counts for its own images.
+PLUGGED = ("renderer.estimators", "renderer.samplers")
 
 
 @cache
@@ -19,5 +24,35 @@ def fingerprint() -> str:
 
 def fingerprint_of(root: Path) -> str:
     """The fingerprint of the sources in folder `root`."""
-    sources = [*(root / "renderer").rglob("*.py"), *(root / "scenes").rglob("*.py")]
-    return hash_code(root, sources, LIBRARIES)
+    return hash_code(root, _sources(root), LIBRARIES)
+
+
+def image_fingerprint(estimator: str, sampler: str) -> str:
+    """SHA-256 over the code that an image by these two depends on: all of `fingerprint` but the other
+    estimators and samplers, and plug-ins of the user's.
+
+    PenumbraError where one of the two comes from no file.
+    """
+    files = ESTIMATORS.file(estimator), SAMPLERS.file(sampler)
+    return hash_values(_shared(), _plugged(*files), ESTIMATORS.code(estimator), SAMPLERS.code(sampler))
+
+
+@cache
+def _shared() -> str:
+    folders = _folders()
+    return hash_code(ROOT, [one for one in _sources(ROOT) if one.parent not in folders], LIBRARIES)
+
+
+@cache
+def _plugged(*files: Path) -> str:
+    """Hash of the modules of PLUGGED that these files are or import."""
+    folders = _folders()
+    return hash_code(ROOT, [one for one in imported_files(files, ROOT, PLUGGED) if one.parent in folders], ())
+
+
+def _folders() -> set[Path]:
+    return {ROOT.joinpath(*name.split(".")) for name in PLUGGED}
+
+
+def _sources(root: Path) -> list[Path]:
+    return [*(root / "renderer").rglob("*.py"), *(root / "scenes").rglob("*.py")]

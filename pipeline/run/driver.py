@@ -21,6 +21,7 @@ from pipeline.run.worker import RenderTask, ScoreTask, render_cell, score_cell
 from pipeline.schema.manifest import CellEntry, LeftOut, Manifest, StudyEntry, replaces
 from pipeline.schema.record import Job
 from pipeline.schema.sweep import Sweep
+from pipeline.scoring.metric import METRICS
 from pipeline.store.keys import metrics_fingerprint, score_key
 from pipeline.store.provenance import provenance
 from pipeline.store.run_folder import DamagedEntryError, Store, create_store
@@ -138,7 +139,9 @@ def _score_key(context: RunContext, plan: StudyPlan, cell: Cell) -> str:
     """The content address of a cell's scores: another image, reference, metric or formula gives another."""
     reference = _reference_key(plan, cell.variant)
     wanted = context.requests[reference]
-    return score_key(cell.key, reference, wanted, plan.study.metrics, metrics_fingerprint())
+    metrics = plan.study.metrics
+    code = "".join([metrics_fingerprint(), *map(METRICS.code, metrics)])
+    return score_key(cell.key, reference, wanted, metrics, code)
 
 
 def _scene_file(store: Store, scene_hash: str) -> Path:

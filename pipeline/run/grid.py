@@ -6,6 +6,7 @@ import functools
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar, cast
 
 import numpy as np
@@ -20,10 +21,10 @@ from pipeline.schema.sweep import Study, Sweep
 from pipeline.scoring.metric import METRICS
 from pipeline.self_reference import judges_itself
 from pipeline.store.keys import cell_key
-from renderer import fingerprint
+from renderer import image_fingerprint
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.interfaces.sampler import SAMPLERS
-from scenes import SceneDescription
+from scenes import SceneDescription, plugins
 from scenes.errors import PenumbraError
 
 T = TypeVar("T")
@@ -82,11 +83,13 @@ class StudyPlan:
 
 
 def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
-    """Read every scene of the sweep and lay out its grids; PenumbraError where a name is
+    """Import the sweep's plug-ins, read its scenes and lay out its grids; PenumbraError where a name is
     unknown, a scene cannot be read or nothing is left.
 
     source: the sweep's name, for messages.
     """
+    for plugin in sweep.plugins:
+        plugins.use(Path(plugin))
     problems = list(_unknown_names(sweep))
     if problems:
         raise PenumbraError("\n".join(f"{source}: {line}" for line in problems))
@@ -127,9 +130,8 @@ def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
 def _plan(study: Study, path: str, read: Reader) -> StudyPlan:
     variants, without_reference = _split(study, list(_variants(study, path, read)))
     estimators, without_estimator = _applicable(study, variants)
-    renderer = fingerprint()
     cells = tuple(
-        Cell(cell_key(variant.hash, job, renderer), job, variant)
+        Cell(cell_key(variant.hash, job, image_fingerprint(job.estimator, job.sampler)), job, variant)
         for variant, job in _jobs(study, variants)
         if job.estimator in estimators[str(variant)]
     )

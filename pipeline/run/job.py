@@ -12,7 +12,7 @@ from pipeline.schema.record import Job, PlanDecision, RayCounts, Record, SampleS
 from pipeline.statistics.samples import sample_statistics
 from pipeline.store.keys import cell_key
 from pipeline.store.provenance import provenance
-from renderer import RenderResult, build, fingerprint, render
+from renderer import RenderResult, build, image_fingerprint, render
 from renderer.build import RenderScene
 from scenes import SceneDescription, load
 from scenes.files import write_file
@@ -100,7 +100,7 @@ def run_job(
 
 
 def _record(job: Job, scene: PreparedScene, result: RenderResult) -> Record:
-    key = cell_key(scene.hash, job, fingerprint())
+    key = cell_key(scene.hash, job, image_fingerprint(job.estimator, job.sampler))
     height, width = result.film.count.shape
     return Record(
         key=key,

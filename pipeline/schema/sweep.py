@@ -2,6 +2,7 @@
 reference.
 
     title = "My sweep"
+    plugins = ["mine.py"]                        # estimators of one's own, relative to this file
 
     [[study]]
     name = "samples"
@@ -135,10 +136,11 @@ class Study(_Strict):
 
 
 class Sweep(_Strict):
-    """A whole sweep file."""
+    """A whole sweep file. plugins: Python files that register estimators, samplers or metrics."""
 
     title: str
     description: str = ""
+    plugins: Annotated[list[str], AfterValidator(_distinct)] = []
     study: Annotated[list[Study], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -188,7 +190,8 @@ def parse_sweep(text: str, source: str, folder: Path) -> Sweep:
     except ValidationError as error:
         raise PenumbraError("\n".join(f"{source}: {line}" for line in _lines(error))) from error
     studies = [study.model_copy(update={"scenes": _resolved(study.scenes, folder)}) for study in sweep.study]
-    return sweep.model_copy(update={"study": studies})
+    plugins = [str(folder / plugin) for plugin in sweep.plugins]
+    return sweep.model_copy(update={"study": studies, "plugins": plugins})
 
 
 def _resolved(scenes: Sequence[str], folder: Path) -> list[str]:

@@ -3,25 +3,22 @@
 A key covers all that its entry depends on and no more: content of the scene, request, and the code with the
 libraries under it. This module imports neither renderer nor references; callers hand their versions in.
 
-The code of a reference is found by its imports, so that none can be forgotten. They are read, not run:
-`import` and `from ... import` anywhere in a file, of modules of `pipeline.references` and of `scenes`, and
-theirs in turn. An import for a type alone counts too; a reference made again for nothing is the lesser evil.
+The code of a reference is found by its imports, so that none can be forgotten; a reference made again for
+nothing is the lesser evil.
 """
 
 from __future__ import annotations
 
-import ast
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.schema.record import SCHEMA_VERSION, Job
 from scenes.hashing import hash_code, hash_values
+from scenes.imports import imported_files
 
 ROOT = Path(__file__).parents[2]
 FOLLOWED = ("pipeline.references", "scenes")
-# Packages whose `__init__` runs with each of their modules; `scenes` as a whole is in the scene's hash.
-OWN = "pipeline/references"
 REFERENCE_LIBRARIES = ("numpy", "scipy", "trimesh")
 METRIC_LIBRARIES = ("numpy", "scipy", "scikit-image", "flip-evaluator", "simpleimageio", "colour-science")
 DIGITS = 32  # of a SHA-256, in the names of folders
@@ -31,7 +28,7 @@ REFERENCE_FORMAT = 2  # entries of another layout are other entries
 def cell_key(scene_hash: str, job: Job, renderer: str) -> str:
     """The address of a cell; names of scenes and of parameters are no part of it.
 
-    renderer: `renderer.fingerprint()`, or the baseline's own.
+    renderer: `image_fingerprint` of the job, or the baseline's own.
     """
     parts = (scene_hash, job.estimator, job.sampler, job.spp, job.seed, renderer, SCHEMA_VERSION)
     return hash_values(*parts)[:DIGITS]
@@ -60,7 +57,7 @@ def region_key(scene_hash: str, renderer: str) -> str:
 def metrics_fingerprint() -> str:
     """SHA-256 over the sources of metrics, statistics and regions, and the versions of METRIC_LIBRARIES.
 
-    A changed formula or library scores anew and renders nothing.
+    A changed formula or library scores anew and renders nothing. A plug-in's metric is not among them.
     """
     own = [ROOT / "pipeline" / name for name in ("studies/regions.py", "run/worker.py")]
     folders = [ROOT / "pipeline" / name for name in ("metrics", "scoring", "statistics")]
@@ -70,39 +67,4 @@ def metrics_fingerprint() -> str:
 @functools.cache
 def imported_code(*files: Path) -> str:
     """16 digits of a SHA-256 over these files, all that they import, and REFERENCE_LIBRARIES."""
-    return hash_code(ROOT, imported_files(*files), REFERENCE_LIBRARIES)[:16]
-
-
-def imported_files(*files: Path) -> list[Path]:
-    """The files and all of FOLLOWED that they import, directly or not, sorted."""
-    found, waiting = set[Path](), {path.resolve() for path in files}
-    while waiting:
-        path = waiting.pop()
-        found.add(path)
-        waiting |= {*_imported(path), *_packages(path)} - found
-    return sorted(found)
-
-
-def _imported(path: Path) -> Iterator[Path]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        for name in names:
-            if any(f"{name}.".startswith(f"{package}.") for package in FOLLOWED):
-                yield from _file(name)
-
-
-def _file(module: str) -> Iterator[Path]:
-    """The module's file, if it is one and no name within one; of a package its __init__."""
-    path = ROOT.joinpath(*module.split("."))
-    yield from (one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file())
-
-
-def _packages(path: Path) -> Iterator[Path]:
-    """The `__init__.py` of each package of OWN that holds a file: it runs before the file does."""
-    folders = [folder for folder in path.parents if folder.is_relative_to(ROOT / OWN)]
-    yield from (folder / "__init__.py" for folder in folders if (folder / "__init__.py").is_file())
+    return hash_code(ROOT, imported_files(files, ROOT, FOLLOWED), REFERENCE_LIBRARIES)[:16]

@@ -27,6 +27,8 @@ MISTAKES = [
     ("render soft-shadow -o {tmp}/a.exr --threads 0", "threads is 0: it must be a whole number of .*"),
     ("render soft-shadow -o {tmp}/a.exr --estimator aera", ("unknown estimator 'aera'; there are: .*area, "
 "bsdf, .*")),
+    ("--plugin {tmp}/none.py list metrics", r"plug-in .*/none\.py: No such file or directory"),
+    ("--plugin {tmp}/b.exr list metrics", r"plug-in .*/b\.exr: give a Python file, whose name ends in \.py"),
     ("render soft-shadow -o {tmp}/a.exr --sampler halton", "unknown sampler 'halton'; there are: .*"),
     (("render disk-light -o {tmp}/a.exr --estimator "
 "environment"), "estimator 'environment' does not apply to scene .*"),
@@ -38,7 +40,7 @@ MISTAKES = [
     ("render soft-shadow -o {tmp}/a.exr -D size=1 -D size=2", "-D size=2: size is set twice"),
     ("render soft-shadow -o {tmp}/a.exr -D gap=1", "the scene has no parameter 'gap'; it has: .*"),
     ("reference soft-shadow -o {tmp}/a.exr --backend prbt", ("unknown reference backend 'prbt'; there are: "
-"closed-form, closed-form-edge, mitsuba, pbrt, self")),
+"closed-form, closed-form-edge, mitsuba, pbrt, self, .*")),
     ("reference soft-shadow --batches 8", ("--batches 8: at least 64 are needed for a variance that tests "
 "can trust")),
     ("reference soft-shadow --target-se 2", "--target-se 2: a number between 0 and 1 is needed, .*"),

@@ -8,7 +8,7 @@ import pytest
 from pipeline.run.job import JobResult, PreparedScene, prepare, run_job
 from pipeline.schema.record import Job, Record
 from pipeline.store.keys import cell_key
-from renderer import fingerprint
+from renderer import fingerprint, image_fingerprint
 from scenes.errors import PenumbraError
 
 SIZE = {"xresolution": 32.0, "yresolution": 24.0}
@@ -52,7 +52,7 @@ def test_another_seed_gives_another_image(scene: PreparedScene, result: JobResul
 def test_the_record_says_what_was_done(scene: PreparedScene, result: JobResult) -> None:
     record = result.record
     assert record.job == job()
-    assert record.key == cell_key(scene.hash, job(), fingerprint())
+    assert record.key == cell_key(scene.hash, job(), image_fingerprint(job().estimator, job().sampler))
     assert record.image == f"cells/{record.key}/image.exr"
     assert (record.width, record.height) == (32, 24)
     assert record.rays.primary == 32 * 24 * 4

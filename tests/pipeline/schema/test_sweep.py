@@ -33,7 +33,7 @@ MISTAKES = [
     ('title = "good"', "title = 3", "title: input should be a valid string, not 3"),
     ('title = "good"', 'title = "good', "not valid TOML"),
     ('title = "good"', 'title = "good"\ncolour = 1', ("colour: unknown key; allowed here: title, "
-"description, study")),
+"description, plugins, study")),
     ('name = "one"', 'name = "one"\nscene = "x"', "study[0].scene: unknown key; allowed here: name, title"),
     ("seeds = 3", "seed = 3", ("study[0].axes.seed: unknown key; allowed here: estimator, sampler, spp, "
 "seeds, parameters (did you mean seeds?)")),
@@ -171,4 +171,5 @@ def test_order_is_seed_by_seed_shuffled_and_a_function_of_the_cells() -> None:
     assert {cell.key for cell in order} == {cell.key for cell in plan.cells}
     rounds = [[cell.job.estimator for cell in order if cell.job.seed == seed] for seed in range(3)]
     alternating = (["area", "solid-angle"] * 4, ["solid-angle", "area"] * 4)
-    assert all(r not in alternating for r in rounds), "two workers would each get one estimator"
+    # A round alternates by chance in 2 of 70 orders, all three rounds in 2e-5.
+    assert any(r not in alternating for r in rounds), "two workers would each get one estimator"

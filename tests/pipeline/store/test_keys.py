@@ -19,6 +19,7 @@ from renderer.fingerprint import fingerprint_of
 from scenes import load
 from scenes.hashing import hash_values
 from scenes.images.exr import write_exr
+from scenes.imports import imported_files
 
 MODULES = {
     "mitsuba": "pipeline.references.backends.mitsuba",
@@ -35,7 +36,7 @@ print("\\n".join(m.__file__ for n, m in sys.modules.items() if n.startswith("pip
 
 
 def found(name: str) -> set[Path]:
-    return set(keys.imported_files(ROOT / (MODULES[name].replace(".", "/") + ".py")))
+    return set(imported_files([ROOT / (MODULES[name].replace(".", "/") + ".py")], ROOT, keys.FOLLOWED))
 
 
 def test_every_backend_is_here() -> None:
