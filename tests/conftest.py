@@ -113,8 +113,9 @@ def _refuse(event: str, arguments: tuple[object, ...]) -> None:
         pytest.fail(
             f"{_running[0]} imports {arguments[0]}: let it request the fixture `{fixture}`", pytrace=False
         )
-    # The commit of the checkout is asked for once a process, by whichever test is the first to write it down.
-    if event in STARTS and not (event == "subprocess.Popen" and str(arguments[0]) == "git"):
+    # Started once by whichever test comes first: git for the commit of the checkout, and on a fresh machine
+    # fc-list for the fonts of matplotlib, which colour-science imports.
+    if event in STARTS and not (event == "subprocess.Popen" and str(arguments[0]) in ("git", "fc-list")):
         command = " ".join(map(str, arguments[1])) if event == "subprocess.Popen" else ""
         pytest.fail(
             f"{_running[0]} starts a process ({event} {command}): let it request the fixture `processes`, "
