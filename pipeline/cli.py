@@ -11,7 +11,9 @@ import typer
 
 from pipeline.console.command import call, commands, example_lines
 
-EXIT_CODES = "Exit codes: 0 done, 1 a check failed, 2 wrong use or input, 130 stopped by Ctrl-C."
+EXIT_CODES = (
+    "Exit codes: 0 done, 1 a check failed, 2 wrong use or input, 3 a fault of ours, 130 stopped by Ctrl-C."
+)
 
 
 def _app() -> typer.Typer:

@@ -133,3 +133,14 @@ def _flush(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def utf8_name(path: str | Path) -> str:
+    """The path as text for a library that takes UTF-8 only; PenumbraError where it holds other bytes."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise PenumbraError(
+            f"{str(path)!r}: the name is not UTF-8, which images need; rename the file or its folder"
+        ) from None
+    return str(path)

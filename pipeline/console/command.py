@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from typing import Any
 import typer
 
 PACKAGE = "pipeline.commands"
+CRASHED = 3
 COLUMN = 33  # where the remarks of examples begin
 
 Function = Callable[..., None]
@@ -59,14 +61,22 @@ def example_lines(found: Sequence[Command]) -> str:
 
 
 def call(app: Any, arguments: Sequence[str] | None = None) -> None:
-    """Run a Typer application; an error of the user's making is one line on stderr and exit code 2."""
+    """Run a Typer application; an error of the user's making is one line on stderr and exit code 2.
+
+    Any other is a fault of ours: its traceback and exit code 3, so that no script takes it for a check that
+    failed.
+    """
+    if reconfigure := getattr(sys.stdout, "reconfigure", None):
+        reconfigure(errors="replace")  # a character that the terminal's encoding lacks ends no command
     try:
         app(arguments)
     except Exception as error:
         from scenes.errors import PenumbraError
 
         if not isinstance(error, PenumbraError):
-            raise
+            traceback.print_exc()
+            print("penumbra: this is a fault of Penumbra's own; please report it", file=sys.stderr)
+            sys.exit(CRASHED)
         for line in str(error).splitlines():
             print(f"penumbra: {line}", file=sys.stderr)
         sys.exit(2)

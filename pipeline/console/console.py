@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
@@ -96,7 +97,8 @@ class Console:
 
 
 def _console(stream: Any) -> RichConsole:
-    return RichConsole(file=stream, width=None if stream.isatty() else PIPE_WIDTH)
+    told = stream.isatty() or "COLUMNS" in os.environ
+    return RichConsole(file=stream, width=None if told else PIPE_WIDTH)
 
 
 def _plain(value: Any) -> Any:

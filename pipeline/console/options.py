@@ -63,7 +63,9 @@ def definitions(
 def image_target(path: Path) -> Path:
     """`path`, if an image can be written there; PenumbraError if its name or its folder does not allow it."""
     from scenes.errors import PenumbraError
+    from scenes.files import utf8_name
 
+    utf8_name(path)
     if path.suffix not in (".exr", ".png"):
         raise PenumbraError(f"{path}: cannot tell the format; allowed: .exr, .png")
     if not path.parent.is_dir():

@@ -31,7 +31,7 @@ from pipeline.schema.sweep import Study
 from pipeline.store.lock import locked
 from pipeline.store.sealed_folder import Writer, damage, write_entry
 from scenes.errors import PenumbraError
-from scenes.files import write_file
+from scenes.files import utf8_name, write_file
 
 Arrays = Mapping[str, NDArray[Any]]
 M = TypeVar("M", bound=BaseModel)
@@ -143,6 +143,7 @@ def create_store(root: Path) -> Store:
     """The store in folder `root`, made if need be; PenumbraError if it cannot be written or holds something
     else than a run.
     """
+    utf8_name(root)
     try:
         root.mkdir(parents=True, exist_ok=True)
         strangers = [path.name for path in root.iterdir() if not path.name.startswith(OWN_HIDDEN)]

@@ -20,7 +20,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from scenes.errors import PenumbraError
-from scenes.files import check_fetched, replacing
+from scenes.files import check_fetched, replacing, utf8_name
 from scenes.images.encodings import as_stored, colour_planes, decoded, encoded
 from scenes.images.png import RGBA, PngHeader, Unsound, check_png_pixels, png_header
 
@@ -101,7 +101,7 @@ def read_exr(path: str | Path) -> ExrImage:
     EXR.
     """
     path = _image_file(path)
-    source = oiio.ImageInput.open(str(path))
+    source = oiio.ImageInput.open(utf8_name(path))
     if source is None:
         raise PenumbraError(f"{path}: not a readable EXR image: {_first_line(oiio.geterror())}")
     try:
@@ -223,7 +223,7 @@ def _texture(path: Path) -> Generator[oiio.ImageInput]:
     config.attribute(
         "pnm:pfmflip", 1
     )  # PFM begins with the last row; left to itself the reader decides now so, now so
-    source = oiio.ImageInput.open(str(path), config)
+    source = oiio.ImageInput.open(utf8_name(path), config)
     if source is None:
         raise PenumbraError(f"{path}: not a readable image: {_first_line(oiio.geterror())}")
     try:
@@ -285,7 +285,7 @@ def _write(path: Path, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
     if not path.parent.is_dir():
         raise PenumbraError(f"{path}: cannot be written: there is no folder {path.parent}")
     with replacing(path) as temporary:
-        target = oiio.ImageOutput.create(str(temporary))
+        target = oiio.ImageOutput.create(utf8_name(temporary))
         if target is None:
             raise PenumbraError(f"{path}: cannot be written: {_first_line(oiio.geterror())}")
         if not (target.open(str(temporary), spec) and target.write_image(pixels) and target.close()):
