@@ -108,8 +108,10 @@ def test_a_command_line_that_cannot_be_parsed(penumbra: Penumbra, line: str) -> 
     assert "Traceback" not in err
 
 
-def test_an_error_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Only what the user can mend is told in one line; a bug keeps its traceback."""
+def test_an_error_of_ours_is_not_hidden(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A fault of ours keeps its traceback, and its exit code is not that of a check that failed."""
     import pipeline.run.job
     from pipeline.cli import main
 
@@ -117,5 +119,8 @@ def test_an_error_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_pat
         raise ZeroDivisionError
 
     monkeypatch.setattr(pipeline.run.job, "render", broken)
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(SystemExit) as stopped:
         main(["render", "touching-light", "-o", str(tmp_path / "a.exr"), *SMALL])
+    err = capsys.readouterr().err
+    assert stopped.value.code == 3
+    assert "ZeroDivisionError" in err and err.endswith("please report it\n")

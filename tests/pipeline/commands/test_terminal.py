@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import main
-
 ROOT = Path(__file__).parents[3]
 SIZE = ("-D", "xresolution=8", "-D", "yresolution=6", "--spp", "1")
 
@@ -50,14 +48,3 @@ def test_a_name_that_is_not_utf8_is_refused_before_any_work(tmp_path: Path, line
     assert b": the name is not UTF-8, which images need; rename the file or its folder\n" in done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.toml", "\udcff.exr"]
     assert (tmp_path / "\udcff.exr").read_bytes() == b"kept"
-
-
-def test_a_fault_of_ours_is_told_apart_from_a_check_that_failed(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("pipeline.scoring.metric.METRICS.items", lambda: 1 / 0)
-    with pytest.raises(SystemExit) as stopped:
-        main(["list", "metrics"])
-    out, err = capsys.readouterr()
-    assert (stopped.value.code, out) == (3, "")
-    assert "ZeroDivisionError" in err and err.endswith("please report it\n")
