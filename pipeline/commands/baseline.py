@@ -10,6 +10,7 @@ from pipeline.console.command import command
 from pipeline.console.options import (
     AsJson,
     Define,
+    Exposure,
     Output,
     Quiet,
     SceneName,
@@ -32,6 +33,7 @@ def baseline(
     define: Define = None,
     strict: Strict = False,
     substitute: Substitute = False,
+    exposure: Exposure = 0.0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -50,13 +52,17 @@ def baseline(
     from pipeline.baseline.entry import BIAS
     from pipeline.baseline.process import rasterise
     from pipeline.console.console import Console
+    from pipeline.console.picture import write_picture
 
     console = Console(as_json=as_json, quiet=quiet)
     target, description = image_target(output), open_scene(scene, define, console, strict, substitute)
     with console.step(f"rasterise {scene}", 1) as update:
         (drawn,) = rasterise([description])
         update(1)
-    _write(target, drawn, description.content_hash())
+    if target.suffix == ".png":
+        write_picture(target, drawn.image, exposure, console)
+    else:
+        _write(target, drawn, description.content_hash())
     height, width = drawn.depth.shape
     device = drawn.provenance["device"]
     console.line(
@@ -83,10 +89,7 @@ def baseline(
 
 
 def _write(target: Path, drawn: Raster, scene_hash: str) -> None:
-    from scenes.images.exr import write_exr, write_png
+    from scenes.images.exr import write_exr
 
-    if target.suffix == ".png":
-        write_png(target, drawn.image)
-        return
     channels = {name: drawn.image[..., c] for c, name in enumerate("RGB")} | {"Z": drawn.depth}
     write_exr(target, channels, {"scene": scene_hash, **drawn.provenance})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName, Strict, image_target
+from pipeline.console.options import AsJson, Define, Exposure, Quiet, SceneName, Strict, image_target
 from pipeline.console.scene import open_scene
 from pipeline.references import default_cache
 
@@ -56,6 +56,7 @@ def reference(
     ] = None,
     define: Define = None,
     strict: Strict = False,
+    exposure: Exposure = 0.0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -73,12 +74,15 @@ def reference(
       penumbra reference touching-light --backend closed-form -D gap=0.001
     """
     from pipeline.console.console import Console
+    from pipeline.console.picture import write_picture
 
     console = Console(as_json=as_json, quiet=quiet)
     target, description = image_target(output) if output else None, open_scene(scene, define, console, strict)
     request = _request(description, spp, target_se, batches, seed, quantity)
     stored = _make(console, scene, description, backend, request, cache or default_cache())
-    if target:
+    if target and target.suffix == ".png":
+        write_picture(target, stored.image.mean, exposure, console)
+    elif target:
         _copy(stored, target)
     _tell(console, stored, request, target)
 
@@ -133,11 +137,7 @@ def _copy(stored: StoredReference, target: Path) -> None:
     import shutil
 
     from scenes.files import replacing
-    from scenes.images.exr import write_png
 
-    if target.suffix == ".png":
-        write_png(target, stored.image.mean)
-        return
     with replacing(target) as draft:
         shutil.copyfile(stored.path, draft)
 

@@ -11,6 +11,7 @@ from pipeline.console.command import command
 from pipeline.console.options import (
     AsJson,
     Define,
+    Exposure,
     Output,
     Quiet,
     SceneName,
@@ -48,6 +49,7 @@ def render(
     prune: Annotated[
         bool, typer.Option(help="Leave out what the scene does not call for (see `explain`).")
     ] = True,
+    exposure: Exposure = 0.0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -60,6 +62,7 @@ def render(
       penumbra render touching-light -o gap.png -D gap=0.001 --sampler sobol --json
     """
     from pipeline.console.console import Console
+    from pipeline.console.picture import write_picture
     from pipeline.run.job import ReadScene, build_scene, run_job
     from pipeline.schema.record import Job
     from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
@@ -82,19 +85,19 @@ def render(
     with console.step(f"render {scene}", 1) as update:
         built = build_scene(ReadScene(description, description.content_hash(), 0.0))
         done = run_job(job, built, prune=prune, threads=threads, progress=update)
-    _write(target, done)
+    if target.suffix == ".png":
+        write_picture(target, done.render.image, exposure, console)
+    else:
+        _write(target, done)
     if not built.built.sources.all and ESTIMATORS[estimator].quantity == RADIANCE:
         console.note(f"{scene}: the scene has no lights: its image is black, as pbrt's")
     _tell(console, target, done)
 
 
 def _write(target: Path, done: JobResult) -> None:
-    from scenes.images.exr import write_estimate_exr, write_png
+    from scenes.images.exr import write_estimate_exr
 
     record, result = done.record, done.render
-    if target.suffix == ".png":
-        write_png(target, result.image)
-        return
     metadata = {
         "job": record.job.model_dump_json(),
         "scene": record.scene_hash,

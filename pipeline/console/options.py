@@ -33,6 +33,10 @@ Substitute = Annotated[
 Output = Annotated[
     Path, typer.Option("-o", "--output", metavar="FILE", help="Where to write: .exr, or .png to look at.")
 ]
+Exposure = Annotated[
+    float,
+    typer.Option(metavar="STOPS", help="Brighten a .png by so many stops; an .exr holds radiance as it is."),
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout; null for what is not finite.")
 ]
