@@ -34,7 +34,11 @@ from scenes.errors import PenumbraError
 
 Integers = NDArray[np.int64]
 
-ROWS = 2**14  # rows of a wavefront: their arrays stay in cache
+# Rows of a wavefront. Between two kernels a thread waits for the interpreter: the longer a kernel, the less.
+# Arrays of the most still lie in a shared cache, those of the least in a core's own.
+MOST_ROWS, LEAST_ROWS = 2**16, 2**14
+PARTS = 4  # for each thread at least, so that none waits long for the last
+FEW_LIGHTS = 16  # with more, memory for what each row asks of each light counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +101,7 @@ def render(
     prune: bool = True,
     keep: frozenset[str] = frozenset(),
     threads: int = 1,
-    rows: int = ROWS,
+    rows: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RenderResult:
     """Render the direct light of a scene.
@@ -109,7 +113,9 @@ def render(
     Raises PenumbraError for arguments of a wrong type, unknown names, spp, threads or rows below 1, a seed
     below 0, and where the estimator does not apply to the scene.
     """
-    _check_numbers(spp=(spp, 1), seed=(seed, 0), threads=(threads, 1), rows=(rows, 1))
+    _check_numbers(spp=(spp, 1), seed=(seed, 0), threads=(threads, 1))
+    if rows is not None:
+        _check_numbers(rows=(rows, 1))
     _check_types(scene, estimator, sampler, prune, progress)
     _check_prunings(keep)
     built = scene if isinstance(scene, RenderScene) else build(scene)
@@ -177,11 +183,16 @@ def _check(built: RenderScene, estimator: Estimator) -> None:
         )
 
 
-def _run(work: RenderJob, threads: int, rows: int, progress: Callable[[float], None] | None) -> list[_Chunk]:
+def _run(
+    work: RenderJob, threads: int, rows: int | None, progress: Callable[[float], None] | None
+) -> list[_Chunk]:
     """All chunks, in the order of their pixels."""
     camera = work.scene.camera
-    pixels = camera.width * camera.height
-    step = max(1, rows // min(work.spp, BLOCK))
+    pixels, samples = camera.width * camera.height, min(work.spp, BLOCK)
+    if rows is None:
+        most = MOST_ROWS if len(work.scene.lights) <= FEW_LIGHTS else LEAST_ROWS
+        rows = most if threads == 1 else min(most, max(LEAST_ROWS, pixels * samples // (PARTS * threads)))
+    step = max(1, rows // samples)
     parts = [np.arange(first, min(first + step, pixels)) for first in range(0, pixels, step)]
     chunks: list[_Chunk] = []
     with ThreadPoolExecutor(threads) as pool:
