@@ -30,9 +30,11 @@ from renderer.interfaces.sampler import GOLDEN, UInt64, mix
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather, normalize
 from renderer.math.warp import cosine_hemisphere
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.microfacets import TINY, Facets, alphas_across, fresnel_dielectric
-from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, is_oriented
+from renderer.shading.microfacets import TINY, Facets, alphas_across, fresnel_dielectric, varying_alphas
+from renderer.textures import Places, evaluate
+from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Roughness, is_oriented
 from scenes.description.shapes import ShapeDescription, Sphere
+from scenes.description.textures import Texture, mean
 
 Rows = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -51,6 +53,9 @@ class CoatedMaterials:
     kinds of the bases, made of all shapes; base_of: (s,) which of them a shape has. mirror: whether its base
     is a delta lobe. base_alpha: of the lobe that a metal base shows through the coat, NaN for other bases.
     base_albedo: about how much the base reflects. oriented: whether dp/du matters anywhere.
+
+    varying: by shape, what textures say of the coat's roughness. layers: by shape, the coats whose thickness,
+    albedo or g are textures, of which `thickness`, `albedo` and `g` are the means.
     """
 
     coated: Bools
@@ -69,6 +74,8 @@ class CoatedMaterials:
     base_alpha: Floats
     base_albedo: Floats
     oriented: bool
+    varying: tuple[tuple[int, Roughness], ...]
+    layers: tuple[tuple[int, Coated], ...]
 
     @classmethod
     def accepts(cls, shape: ShapeDescription) -> bool:
@@ -98,9 +105,9 @@ class CoatedMaterials:
             alpha=alpha,
             alpha_v=alphas_across(alpha, [r.coat.alpha_v if r.coat.eta != 1 else None for r in rows]),
             glossy=rough > 0,
-            thickness=np.array([max(r.thickness, THINNEST) for r in rows]),
-            albedo=np.stack([r.albedo for r in rows], axis=1),
-            g=np.array([r.g for r in rows]),
+            thickness=np.array([max(_number(r.thickness), THINNEST) for r in rows]),
+            albedo=np.stack([mean(r.albedo) for r in rows], axis=1),
+            g=np.array([_number(r.g) for r in rows]),
             max_depth=np.array([r.max_depth for r in rows], dtype=np.int64),
             samples=np.array([r.samples for r in rows], dtype=np.int64),
             bases=tuple(kind.make(bare) for kind in used),
@@ -112,6 +119,12 @@ class CoatedMaterials:
             base_alpha=np.hypot(metal, broad),
             base_albedo=np.array([float(r.base.normal_reflectance.mean()) for r in rows]),
             oriented=any(is_oriented(r) for r in rows),
+            varying=tuple(
+                (i, r.coat.varying)
+                for i, r in enumerate(rows)
+                if r.coat.varying is not None and r.coat.eta != 1
+            ),
+            layers=tuple((i, r) for i, r in enumerate(rows) if r.has_textured_layer),
         )
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
@@ -128,7 +141,7 @@ class CoatedMaterials:
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
         frame = self._frame(hit)
         wo, wi = _into(frame, hit.wo), _into(frame, wi)
-        lobes = _Lobes.at(self, hit.shape, wo)
+        lobes = _Lobes.at(self, hit, wo)
         up = (wi[2] > 0) & (wo[2] > 0) & self.coated[hit.shape]
         return np.where(up, lobes.pdf(wo, wi), 0.0)
 
@@ -136,7 +149,7 @@ class CoatedMaterials:
         """One of the lobes; that of a smooth coat is the mirror's direction, with all that goes there."""
         frame = self._frame(hit)
         wo = _into(frame, hit.wo)
-        lobes = _Lobes.at(self, hit.shape, wo)
+        lobes = _Lobes.at(self, hit, wo)
         wi, mirrored = lobes.sample(wo, u)
         wi = combine(frame, *wi)
         value, pdf = self.evaluate(hit, wi), self.pdf(hit, wi)
@@ -144,7 +157,7 @@ class CoatedMaterials:
             return BSDFSample(wi, value, pdf)
         wi = np.where(mirrored, 2 * dot(hit.wo, hit.ns) * hit.ns - hit.wo, wi)
         # f |cos| / pdf is the delta lobe's share of the light, over the chance of choosing it.
-        value = np.where(mirrored, self._mirrored(hit.shape, wo) / np.maximum(wo[2], TINY), value)
+        value = np.where(mirrored, self._mirrored(hit, wo) / np.maximum(wo[2], TINY), value)
         chance = lobes.first * self.coated[hit.shape]
         return BSDFSample(wi, value, np.where(mirrored, chance, pdf), mirrored)
 
@@ -155,8 +168,9 @@ class CoatedMaterials:
         assert axes is not None
         return (axes[0], axes[1], hit.ns)
 
-    def _mirrored(self, shape: Rows, wo: Floats) -> Floats:
+    def _mirrored(self, hit: SurfaceHit, wo: Floats) -> Floats:
         """Reflectance (3, n) of the delta lobe: of the coat, and of what a mirror under it sends back up."""
+        shape = hit.shape
         eta = gather(self.eta, shape)
         reflected, inside = fresnel_dielectric(np.minimum(wo[2], 1.0), eta)
         out = np.repeat(reflected[None], 3, axis=0)
@@ -165,21 +179,22 @@ class CoatedMaterials:
             return out
         own, cosine, once = shape[rows], inside[rows], 1.0 - reflected[rows]
         down = np.stack([np.sqrt(1.0 - cosine * cosine), np.zeros_like(cosine), cosine])
-        back = self.base_hit(own, down, np.zeros((2, 1)))
-        sample = self.sample_base(back, np.zeros((2, rows.size)))
+        some = hit.take(rows)
+        sample = self.sample_base(self.base_hit(some, down), np.zeros((2, rows.size)))
         base = sample.value * cosine / sample.pdf
-        crossed = _transmittance(self.thickness[own], cosine) ** 2
+        crossed = _transmittance(_Layer.at(self, some).thickness, cosine) ** 2
         light = once * once * crossed * base
         for bounce in range(int(self.max_depth[own].max() // 2)):
             out[:, rows] += np.where(bounce < self.max_depth[own] // 2, light, 0.0)
             light = light * (reflected[rows] * crossed * base)
         return out
 
-    def base_hit(self, shape: Rows, wo: Floats, uv: Floats) -> SurfaceHit:
-        """Points of bases seen along wo (3, n), in local coordinates."""
-        none = np.full(shape.size, -1, dtype=np.int64)
-        x, z = (np.repeat(axis, shape.size, axis=1) for axis in (X, Z))
-        return SurfaceHit(np.zeros_like(wo), z, wo, shape, none, none, uv, tangent=x)
+    def base_hit(self, hit: SurfaceHit, wo: Floats) -> SurfaceHit:
+        """Points of bases under points of coats, seen along wo (3, n) in local coordinates. Textures look at
+        the point, and at the geometric normal, of the coat.
+        """
+        x, z = (np.repeat(axis, hit.shape.size, axis=1) for axis in (X, Z))
+        return replace(hit, wo=wo, tangent=x, shading_n=z)
 
     def base_value(self, hit: SurfaceHit, wi: Floats) -> tuple[Floats, Floats]:
         """f (3, n) and pdf (n,) of the bases."""
@@ -226,9 +241,12 @@ class _Coat:
     glossy: Bools
 
     @classmethod
-    def at(cls, kind: CoatedMaterials, shape: Rows) -> _Coat:
+    def at(cls, kind: CoatedMaterials, hit: SurfaceHit) -> _Coat:
+        shape = hit.shape
         alpha = gather(kind.alpha, shape)
         across = None if kind.alpha_v is None else gather(kind.alpha_v, shape)
+        if kind.varying:
+            alpha, across = varying_alphas(hit, alpha, across, kind.varying)
         axes = None if across is None else (X, np.array([[0.0], [1.0], [0.0]]), across)
         return cls(Facets(Z, alpha, axes), gather(kind.eta, shape), kind.glossy[shape])
 
@@ -291,6 +309,36 @@ class _Coat:
         return down, np.where(down[2] < 0, f * _shadowed(facets, w, w[2], down, -down[2]), 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """What lies between coat and base at n points: thickness, g: (n,). albedo: (3, n)."""
+
+    thickness: Floats
+    albedo: Floats
+    g: Floats
+
+    @classmethod
+    def at(cls, kind: CoatedMaterials, hit: SurfaceHit) -> _Layer:
+        shape = hit.shape
+        layer = cls(kind.thickness[shape], kind.albedo[:, shape], kind.g[shape])
+        for i, coated in kind.layers:
+            rows = np.flatnonzero(shape == i)
+            if rows.size:
+                at = Places.of(hit, rows)
+                layer.thickness[rows] = np.maximum(_values(coated.thickness, at)[0], THINNEST)
+                layer.albedo[:, rows] = np.clip(_values(coated.albedo, at), 0.0, 1.0)
+                layer.g[rows] = np.clip(_values(coated.g, at)[0], -1.0, 1.0)
+        return layer
+
+
+def _values(part: float | Texture, at: Places) -> Floats:
+    return evaluate(np.full(3, part) if isinstance(part, float | int) else part, at)
+
+
+def _number(part: float | Texture) -> float:
+    return part if isinstance(part, float | int) else float(mean(part)[0])
+
+
 def _shadowed(facets: Facets, v: Floats, v_z: Floats, w: Floats, w_z: Floats) -> Floats:
     """G / G1 (n,) of a sample w whose microfacet v sees; v_z, w_z: their |cos|."""
     q = facets.projected(v, v_z)
@@ -308,7 +356,8 @@ class _Walks:
     key: UInt64
 
     def __post_init__(self) -> None:
-        self.coat = _Coat.at(self.kind, self.hit.shape)
+        self.coat = _Coat.at(self.kind, self.hit)
+        self.layer = _Layer.at(self.kind, self.hit)
         self.total = np.zeros_like(self.wo)
 
     def mean(self) -> Floats:
@@ -337,7 +386,7 @@ class _Walks:
         beta = np.repeat((weight / (coat.eta * coat.eta))[None], 3, axis=0)
         alive = np.flatnonzero((weight > 0) & (exits[1] > 0))
         own = self.hit.shape[rows]
-        state = _State(rows, w, beta, self.kind.thickness[own].copy(), *exits).take(alive)
+        state = _State(rows, w, beta, self.layer.thickness[rows], *exits).take(alive)
         for depth in range(int(self.kind.max_depth[own].max(initial=0))):
             deep = self.kind.max_depth[self.hit.shape[state.rows]] > depth
             state = state.take(np.flatnonzero(deep))
@@ -357,16 +406,15 @@ class _Walks:
 
     def _step(self, state: _State, sample: int, depth: int) -> _State:
         """On to the next event, and past it."""
-        shape = self.hit.shape[state.rows]
-        thickness = self.kind.thickness[shape]
-        filled = self.kind.albedo[:, shape].any(axis=0)
+        thickness = self.layer.thickness[state.rows]
+        filled = self.layer.albedo[:, state.rows].any(axis=0)
         if not filled.any():
             state.beta = state.beta * _transmittance(thickness, state.w[2])
             state.z = np.where(state.z == thickness, 0.0, thickness)
             return self._meet(state, sample, depth)
         clear = state.take(np.flatnonzero(~filled))
         through, scattered = self._medium(state.take(np.flatnonzero(filled)), sample, depth)
-        thin = self.kind.thickness[self.hit.shape[clear.rows]]
+        thin = self.layer.thickness[clear.rows]
         clear.beta = clear.beta * _transmittance(thin, clear.w[2])
         clear.z = np.where(clear.z == thin, 0.0, thin)
         return _joined(self._meet(_joined(clear, through), sample, depth), scattered)
@@ -390,10 +438,9 @@ class _Walks:
     def _bounce(self, state: _State, sample: int, depth: int) -> _State:
         """Off the base: along the way that was chosen from outside, and along one that the base chooses."""
         rows, kind = state.rows, self.kind
-        shape, coat = self.hit.shape[rows], self.coat.take(rows)
-        thickness, mirror = kind.thickness[shape], kind.mirror[shape]
-        uv = self.hit.uv if self.hit.uv.shape[1] == 1 else self.hit.uv.take(rows, axis=1)
-        hit = kind.base_hit(shape, -state.w, uv)
+        coat, thickness = self.coat.take(rows), self.layer.thickness[rows]
+        mirror = kind.mirror[self.hit.shape[rows]]
+        hit = kind.base_hit(self.hit.take(rows), -state.w)
         value, pdf = kind.base_value(hit, -state.exit)
         weight = np.where(coat.glossy, _power(state.exit_pdf, pdf), 1.0)
         weight *= _transmittance(thickness, state.exit[2]) * state.exit_weight
@@ -411,9 +458,8 @@ class _Walks:
 
     def _medium(self, state: _State, sample: int, depth: int) -> tuple[_State, _State]:
         """The rows that cross the medium, moved to the boundary, and those that it scatters."""
-        rows, kind = state.rows, self.kind
-        shape, coat = self.hit.shape[rows], self.coat.take(rows)
-        thickness, albedo = kind.thickness[shape], kind.albedo[:, shape]
+        rows, layer = state.rows, self.layer
+        coat, thickness, albedo = self.coat.take(rows), layer.thickness[rows], layer.albedo[:, rows]
         u = self._numbers(rows, sample, depth, 7, 3)
         z = state.z - np.log1p(-u[0]) * state.w[2]
         inside = (z > 0) & (z < thickness)
@@ -422,7 +468,7 @@ class _Walks:
         some = np.flatnonzero(inside)
         state, coat, u, z = state.take(some), coat.take(some), u[1:].take(some, axis=1), z[some]
         rows, thickness, albedo = rows[some], thickness[some], albedo.take(some, axis=1)
-        g = kind.g[shape[some]]
+        g = layer.g[rows]
         # Towards the way that was chosen from outside. The phase function's wo is where the light came from.
         phase = _phase(dot(state.w, state.exit), g)
         weight = np.where(coat.glossy, _power(state.exit_pdf, phase), 1.0) * phase
@@ -491,8 +537,8 @@ class _Lobes:
     delta: Bools
 
     @classmethod
-    def at(cls, kind: CoatedMaterials, shape: Rows, wo: Floats) -> _Lobes:
-        coat = _Coat.at(kind, shape)
+    def at(cls, kind: CoatedMaterials, hit: SurfaceHit, wo: Floats) -> _Lobes:
+        coat, shape = _Coat.at(kind, hit), hit.shape
         f, _ = fresnel_dielectric(np.clip(wo[2], 0.0, 1.0), coat.eta)
         reflected = gather(kind.base_albedo, shape)
         first = np.clip(f / np.maximum(f + (1.0 - f) * reflected, TINY), 0.25, 0.75)

@@ -92,7 +92,7 @@ class Facets:
         """
         along, across = gather(alpha, hit.shape), None if alpha_v is None else gather(alpha_v, hit.shape)
         if varying:
-            along, across = _varying(hit, along, across, varying)
+            along, across = varying_alphas(hit, along, across, varying)
         if across is None:
             return cls(hit.ns, along, None)
         x = hit.tangent - hit.ns * dot(hit.ns, hit.tangent)
@@ -137,7 +137,7 @@ class Facets:
         return combine((x, y, self.n), along, across, height)
 
 
-def _varying(
+def varying_alphas(
     hit: SurfaceHit, along: Floats, across: Floats | None, varying: tuple[tuple[int, Roughness], ...]
 ) -> tuple[Floats, Floats | None]:
     """The alphas (n,) with those of textures where shapes have them."""

@@ -154,21 +154,34 @@ class Coated(Composite):
 
     coat: the boundary to the air. base: the surface underneath, as it would be in air. thickness: of the
     layer, in mean free paths of the medium that fills it. albedo: (3,) float64 in [0, 1], what the medium
-    scatters, in Henyey and Greenstein's phase function of asymmetry g. max_depth: how many events a walk
-    between the boundaries has at most. samples: how many walks give one value of the BSDF.
+    scatters, in Henyey and Greenstein's phase function of asymmetry g. Each of the three may be a texture.
+    max_depth: how many events a walk between the boundaries has at most. samples: how many walks give one
+    value of the BSDF.
     """
 
     coat: Dielectric
     base: Diffuse | Conductor
-    thickness: float = 0.01
-    albedo: Array = field(default_factory=lambda: np.zeros(3))
-    g: float = 0.0
+    thickness: float | Texture = 0.01
+    albedo: Texture = field(default_factory=lambda: np.zeros(3))
+    g: float | Texture = 0.0
     max_depth: int = 10
     samples: int = 1
 
     @property
     def parts(self) -> tuple[Material, Material]:
         return self.coat, self.base
+
+    @property
+    def has_textured_layer(self) -> bool:
+        """Whether its thickness, its albedo or its g varies."""
+        return not isinstance(self.albedo, np.ndarray) or not all(
+            isinstance(one, float | int) for one in (self.thickness, self.g)
+        )
+
+    @property
+    def needs_uv(self) -> bool:
+        layer = (one for one in (self.thickness, self.albedo, self.g) if not isinstance(one, float | int))
+        return needs_uv(*layer) or super().needs_uv
 
     @property
     def mean_alpha(self) -> float | None:
@@ -181,7 +194,7 @@ class Coated(Composite):
         return self.base.normal_reflectance
 
     def map_colors(self, change: ColorMap) -> Coated:
-        return replace(self, base=self.base.map_colors(change), albedo=change(self.albedo))
+        return replace(self, base=self.base.map_colors(change), albedo=map_colors(self.albedo, change))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.lights import Light
-from scenes.description.materials import Coated, Diffuse, Material
+from scenes.description.materials import Diffuse, Material
 from scenes.description.relief import NormalMap
 from scenes.description.scene import Camera, Film, PerspectiveCamera, PixelFilter, RenderDefaults
 from scenes.description.shapes import Emission, Geometry
@@ -49,12 +49,11 @@ class NamedMaterial:
 @dataclass(frozen=True)
 class TexturedDiffuse:
     """A diffuse material whose reflectance is the spectrum texture of this name; resolved like
-    `NamedMaterial`. under: what it is the base of, None where it lies bare.
+    `NamedMaterial`.
     """
 
     texture: str
     where: Location
-    under: Coated | None = None
 
 
 @dataclass(frozen=True)

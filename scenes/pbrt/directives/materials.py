@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import singledispatch
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,9 +151,14 @@ def _mix(parameters: Parameters) -> MaterialUse:
 
 
 def _bare_conductor(parameters: Parameters) -> MaterialUse:
-    rough = _textured_roughness(parameters)
-    metal = _conductor(parameters, alpha=None if rough is None else (1.0, None))
-    return metal if rough is None else _roughened(metal, *rough)
+    metal, rough = _rough_conductor(parameters, "")
+    return metal if rough is None else Pending(lambda builder: _roughened(metal, rough, builder))
+
+
+def _rough_conductor(parameters: Parameters, part: str) -> tuple[Conductor, RoughUse | None]:
+    """A metal, and its roughness where textures give it."""
+    rough = _textured_roughness(parameters, part)
+    return _conductor(parameters, part, None if rough is None else (1.0, None)), rough
 
 
 def _conductor(
@@ -240,22 +246,24 @@ def _alphas(u: float, v: float, remap: bool) -> tuple[float, float | None]:
     return along, None if along == across else across
 
 
-def _textured_roughness(
-    parameters: Parameters,
-) -> tuple[float | NamedNumbers, float | NamedNumbers | None, bool] | None:
-    """u, v and `remaproughness` of a material without a coat; None where no texture gives its roughness."""
-    along_u, along_v, both = (parameters.take(name, "float", "texture") for name in _roughnesses(""))
+NumberUse = float | NamedNumbers
+RoughUse = tuple[NumberUse, NumberUse | None, bool]
+
+
+def _textured_roughness(parameters: Parameters, part: str = "") -> RoughUse | None:
+    """u, v and `remaproughness`; None where no texture gives the roughness. part: as of `_conductor`."""
+    along_u, along_v, both = (parameters.take(name, "float", "texture") for name in _roughnesses(part))
     u, v = along_u or both, along_v or both
     if all(one is None or one.type == "float" for one in (u, v)):
         return None
     remap = parameters.flag("remaproughness", True)
-    ends = [_number_or_name(parameters, one) for one in (u, v)]
+    ends = [_number_or_name(parameters, one, 0.0) for one in (u, v)]
     return ends[0], None if u is v else ends[1], remap
 
 
-def _number_or_name(parameters: Parameters, given: Parameter | None) -> float | NamedNumbers:
+def _number_or_name(parameters: Parameters, given: Parameter | None, default: float) -> NumberUse:
     if given is None:
-        return 0.0
+        return default
     if given.type == "texture":
         return NamedNumbers(parameters.text_of(given), given.where)
     return parameters.number(given.name, 0.0)
@@ -268,7 +276,7 @@ def _roughnesses(part: str) -> tuple[str, str, str]:
 def _dielectric(parameters: Parameters) -> MaterialUse:
     rough = _textured_roughness(parameters)
     glass = _glass(parameters, *(_alpha(parameters) if rough is None else (1.0, None)))
-    return glass if rough is None else _roughened(glass, *rough)
+    return glass if rough is None else Pending(lambda builder: _roughened(glass, rough, builder))
 
 
 def _thin_dielectric(parameters: Parameters) -> Dielectric:
@@ -292,38 +300,78 @@ def _index(parameters: Parameters, name: str) -> float:
 
 def _coated_diffuse(parameters: Parameters) -> MaterialUse:
     base = _diffuse(parameters)
-    if isinstance(base, TexturedDiffuse):
-        coated = _coated(parameters, "", Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
-        return replace(base, under=coated)
-    assert isinstance(base, Diffuse)
-    return _coated(parameters, "", base)
+    coated, finish = _coated(parameters, "")
+    if isinstance(base, Diffuse) and finish is None:
+        return replace(coated, base=base)
+
+    def made(builder: Builder) -> Coated:
+        found = resolve_material(base, builder)
+        assert isinstance(found, Diffuse)
+        whole = replace(coated, base=found)
+        return whole if finish is None else finish(whole, builder)
+
+    return Pending(made)
 
 
-def _coated_conductor(parameters: Parameters) -> Coated:
-    return _coated(parameters, "interface.", _conductor(parameters, "conductor."))
+def _coated_conductor(parameters: Parameters) -> MaterialUse:
+    base, rough = _rough_conductor(parameters, "conductor.")
+    coated, finish = _coated(parameters, "interface.")
+    coated = replace(coated, base=base)
+    if rough is None and finish is None:
+        return coated
+
+    def made(builder: Builder) -> Coated:
+        whole = coated if rough is None else replace(coated, base=_roughened(base, rough, builder))
+        return whole if finish is None else finish(whole, builder)
+
+    return Pending(made)
 
 
-def _coated(parameters: Parameters, part: str, base: Diffuse | Conductor) -> Coated:
-    """part: what the names of the boundary's parameters begin with."""
-    alpha, alpha_v = _alpha(parameters, part)
+Finish = Callable[[Coated, Builder], Coated]
+
+
+def _coated(parameters: Parameters, part: str) -> tuple[Coated, Finish | None]:
+    """A coat over gray, and what puts in its textures once they are known, None without any.
+
+    part: what the names of the boundary's parameters begin with.
+    """
+    rough = _textured_roughness(parameters, part)
+    alpha, alpha_v = _alpha(parameters, part) if rough is None else (1.0, None)
     if alpha:
         parameters.note(next(name for name in _roughnesses(part) if parameters.given(name)), BRIGHT_WALKS)
     eta = _index(parameters, f"{part}eta")
     if eta < 0:
         raise parameters.fail(f"{part}eta", f"{part}eta must be positive, not {eta:g}")
-    albedo = colour(parameters, "albedo", "reflectance")
+    albedo = parameters.take("albedo", "rgb", "spectrum", "texture")
+    thickness, g = (
+        _number_or_name(parameters, parameters.take(name, "float", "texture"), default)
+        for name, default in (("thickness", 0.01), ("g", 0.0))
+    )
     depth, walks = parameters.integer("maxdepth", 10), parameters.integer("nsamples", 1)
     if walks < 1:
         raise parameters.fail("nsamples", f"nsamples must be at least 1, not {walks}")
-    return Coated(
+    named = {"thickness": thickness, "g": g}
+    named = {name: use for name, use in named.items() if isinstance(use, NamedNumbers)}
+    textured = albedo is not None and albedo.type == "texture"
+    coated = Coated(
         Dielectric(eta or 1.0, alpha, alpha_v=alpha_v),  # pbrt too takes 0 for 1
-        base,
-        max(parameters.number("thickness", 0.01), 0.0),
-        np.zeros(3) if albedo is None else albedo,
-        float(np.clip(parameters.number("g", 0.0), -1.0, 1.0)),
+        Diffuse(np.full(3, DEFAULT_REFLECTANCE)),
+        0.0 if isinstance(thickness, NamedNumbers) else max(thickness, 0.0),
+        np.zeros(3) if albedo is None or textured else colour_of(parameters, albedo, "reflectance"),
+        0.0 if isinstance(g, NamedNumbers) else float(np.clip(g, -1.0, 1.0)),
         max(depth, 0),
         walks,
     )
+
+    def finish(whole: Coated, builder: Builder) -> Coated:
+        coat = whole.coat if rough is None else _roughened(whole.coat, rough, builder)
+        layer: dict[str, Any] = {name: _numbers_of(use, builder) for name, use in named.items()}
+        if albedo is not None and textured:
+            found = named_texture(builder, "spectrum", parameters.text_of(albedo), albedo.where).value
+            layer["albedo"] = np.zeros(3) if found is None else found
+        return replace(whole, coat=coat, **layer)
+
+    return coated, finish if rough or named or textured else None
 
 
 def _interface(parameters: Parameters) -> Interface:
@@ -374,30 +422,26 @@ def resolve_material(use: MaterialUse, builder: Builder, within: tuple[str, ...]
         found = named_texture(builder, "spectrum", use.texture, use.where).value
         if found is None:
             found = np.full(3, DEFAULT_REFLECTANCE)
-        base = Diffuse(np.clip(found, 0.0, 1.0) if isinstance(found, np.ndarray) else found)
-        return base if use.under is None else replace(use.under, base=base)
+        return Diffuse(np.clip(found, 0.0, 1.0) if isinstance(found, np.ndarray) else found)
     return use
 
 
-def _roughened(
-    bare: Conductor | Dielectric, u: float | NamedNumbers, v: float | NamedNumbers | None, remap: bool
-) -> Pending:
+Rough = TypeVar("Rough", Conductor, Dielectric)
+
+
+def _roughened(bare: Rough, rough: RoughUse, builder: Builder) -> Rough:
     """The material with the textures of its roughness, of constants with its alphas."""
-
-    def made(builder: Builder) -> Material:
-        along, across = _numbers_of(u, builder), None if v is None else _numbers_of(v, builder)
-        if isinstance(along, np.ndarray) and (across is None or isinstance(across, np.ndarray)):
-            ends = float(along[0]), float(along[0] if across is None else across[0])
-            alpha, alpha_v = _alphas(*ends, remap)
-            return replace(bare, alpha=alpha, alpha_v=alpha_v)
-        varying = Roughness(along, across, remap)
-        alpha, alpha_v = varying.mean_alphas()
-        return replace(bare, alpha=alpha, alpha_v=alpha_v, varying=varying)
-
-    return Pending(made)
+    u, v, remap = rough
+    along, across = _numbers_of(u, builder), None if v is None else _numbers_of(v, builder)
+    if isinstance(along, np.ndarray) and (across is None or isinstance(across, np.ndarray)):
+        alpha, alpha_v = _alphas(float(along[0]), float(along[0] if across is None else across[0]), remap)
+        return replace(bare, alpha=alpha, alpha_v=alpha_v)
+    varying = Roughness(along, across, remap)
+    alpha, alpha_v = varying.mean_alphas()
+    return replace(bare, alpha=alpha, alpha_v=alpha_v, varying=varying)
 
 
-def _numbers_of(given: float | NamedNumbers, builder: Builder) -> Texture:
+def _numbers_of(given: NumberUse, builder: Builder) -> Texture:
     if not isinstance(given, NamedNumbers):
         return np.full(3, given)
     found = named_texture(builder, "float", given.texture, given.where).value
@@ -482,10 +526,8 @@ def _(material: MixedMaterial, textures: TextureWriter) -> list[str]:
 
 @material_text.register
 def _(material: Conductor, textures: TextureWriter) -> list[str]:
-    if material.varying is None:
-        return [f'Material "conductor" {_metal_text(material)} {UNCHANGED}']
     lines: list[str] = []
-    rough = _varying_text(material.varying, textures, lines)
+    rough = _roughness_text({"": material}, textures, lines)
     return [*lines, f'Material "conductor" {_optical_text(material, "")} {rough}']
 
 
@@ -494,53 +536,56 @@ def _(material: Dielectric, textures: TextureWriter) -> list[str]:
     eta = f'"float eta" [ {material.eta!r} ]'
     if material.thin:
         return [f'Material "thindielectric" {eta}']
-    if material.varying is not None:
-        lines: list[str] = []
-        rough = _varying_text(material.varying, textures, lines)
-        return [*lines, f'Material "dielectric" {eta} {rough}']
-    return [f'Material "dielectric" {eta} {_roughness_text(material)} {UNCHANGED}']
+    lines: list[str] = []
+    rough = _roughness_text({"": material}, textures, lines)
+    return [*lines, f'Material "dielectric" {eta} {rough}']
 
 
 @material_text.register
 def _(material: Coated, textures: TextureWriter) -> list[str]:
     lines: list[str] = []
+    rough: Mapping[str, Microfacets]
     if isinstance(material.base, Diffuse):
-        kind, part = "coateddiffuse", ""
+        kind, part, rough = "coateddiffuse", "", {"": material.coat}
         base = textures.parameter("spectrum", "reflectance", material.base.reflectance, lines)
     else:
         kind, part = "coatedconductor", "interface."
-        base = _metal_text(material.base, "conductor.")
-    coat = f'"float {part}eta" [ {material.coat.eta!r} ] {_roughness_text(material.coat, part)} {UNCHANGED}'
-    medium = f'"rgb albedo" [ {numbers(material.albedo)} ] "float g" [ {material.g!r} ]'
-    layer = f'"float thickness" [ {material.thickness!r} ] {medium}'
+        base = _optical_text(material.base, "conductor.")
+        rough = {"conductor.": material.base, part: material.coat}
+    coat = f'"float {part}eta" [ {material.coat.eta!r} ] {_roughness_text(rough, textures, lines)}'
+    layer: dict[str, tuple[str, Texture]] = {"albedo": ("spectrum", material.albedo)}
+    for name, one in (("g", material.g), ("thickness", material.thickness)):
+        layer[name] = ("float", np.full(3, one) if isinstance(one, float | int) else one)
+    medium = textures.parameters(layer, lines)
     walk = f'"integer maxdepth" [ {material.max_depth} ] "integer nsamples" [ {material.samples} ]'
-    return [*lines, f'Material "{kind}" {base} {coat} {layer} {walk}']
-
-
-UNCHANGED = '"bool remaproughness" [ false ]'
-
-
-def _metal_text(metal: Conductor, part: str = "") -> str:
-    return f"{_optical_text(metal, part)} {_roughness_text(metal, part)}"
+    return [*lines, f'Material "{kind}" {base} {coat} {medium} {walk}']
 
 
 def _optical_text(metal: Conductor, part: str) -> str:
     return f'"rgb {part}eta" [ {numbers(metal.eta)} ] "rgb {part}k" [ {numbers(metal.k)} ]'
 
 
-def _varying_text(varying: Roughness, textures: TextureWriter, lines: list[str]) -> str:
-    named = {"roughness": ("float", varying.u)}
-    if varying.v is not None:
-        named = {"uroughness": ("float", varying.u), "vroughness": ("float", varying.v)}
-    remap = "true" if varying.remap else "false"
-    return f'{textures.parameters(named, lines)} "bool remaproughness" [ {remap} ]'
+def _roughness_text(parts: Mapping[str, Microfacets], textures: TextureWriter, lines: list[str]) -> str:
+    """The roughness of boundaries, by what the names of their parameters begin with.
 
-
-def _roughness_text(material: Microfacets, part: str = "") -> str:
-    if material.alpha_v is None:
-        return f'"float {part}roughness" [ {material.alpha!r} ]'
-    u, v = f"{part}uroughness", f"{part}vroughness"
-    return f'"float {u}" [ {material.alpha!r} ] "float {v}" [ {material.alpha_v!r} ]'
+    One `remaproughness` holds for all of them. sqrt(alpha^2) is alpha to the bit.
+    """
+    remap = any(one.varying is not None and one.varying.remap for one in parts.values())
+    text: list[str] = []
+    for part, one in parts.items():
+        along_u, along_v, both = _roughnesses(part)
+        u, v = (
+            (one.varying.u, one.varying.v)
+            if one.varying is not None
+            else (
+                None if alpha is None else np.full(3, alpha * alpha if remap else alpha)
+                for alpha in (one.alpha, one.alpha_v)
+            )
+        )
+        assert u is not None
+        named = {both: ("float", u)} if v is None else {along_u: ("float", u), along_v: ("float", v)}
+        text.append(textures.parameters(named, lines))
+    return " ".join([*text, f'"bool remaproughness" [ {str(remap).lower()} ]'])
 
 
 def relief_text(relief: Relief, textures: TextureWriter, lines: list[str]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenes.description.lights import Environment
-from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse
+from scenes.description.materials import Conductor, Dielectric, Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import TriangleMesh
 from scenes.errors import PenumbraError, SceneError
@@ -372,35 +372,35 @@ def test_a_white_of_aces_is_white_on_a_surface_and_the_colour_of_its_white_as_a_
     assert ["rec709" in note for note in strict('ColorSpace "rec709"').notes] == [True]
 
 
-PART = 'Texture "a" "float" "constant" "float value" .6 '
+PART = 'Texture "a" "spectrum" "constant" "rgb value" [ .6 .6 .6 ] '
 
 
-def alpha(body: str) -> float:
-    """The roughness of a coat whose textures have stand-ins."""
+def extinction(body: str) -> float:
+    """k of a metal whose textures have stand-ins."""
     scene = parse(f"{HEAD}{body}{BALL}", substitute=True)
     material = scene.shapes[0].material
-    assert isinstance(material, Coated)
+    assert isinstance(material, Conductor)
     assert len(scene.substitutions) == 1
-    return material.coat.alpha
+    return float(material.k[0])
 
 
 @pytest.mark.parametrize(
     ("textures", "expected"),
     [
-        ('Texture "t" "float" "constant" "float value" .3\n', 0.3),
-        ('Texture "t" "float" "checkerboard" "float tex1" .2 "float tex2" .4\n', 0.3),
-        (f'{PART}Texture "t" "float" "scale" "texture tex" "a" "float scale" .5\n', 0.3),
-        # pbrt's default roughness is 0, a mirror; a texture that comes later is not known by then.
-        ("\n", 0.0),
+        ('Texture "t" "spectrum" "constant" "rgb value" [ .3 .3 .3 ]\n', 0.3),
+        ('Texture "t" "spectrum" "checkerboard" "rgb tex1" [ .2 .2 .2 ] "rgb tex2" [ .4 .4 .4 ]\n', 0.3),
+        (f'{PART}Texture "t" "spectrum" "scale" "texture tex" "a" "float scale" .5\n', 0.3),
+        # pbrt's default k is copper's; a texture that comes later is not known by then.
+        ("\n", 3.273),
     ],
 )  # fmt: skip
 def test_a_texture_in_the_place_of_a_number_has_its_mean_for_a_stand_in(
     textures: str, expected: float
 ) -> None:
-    metal = 'Material "coateddiffuse" "texture roughness" "t" "bool remaproughness" false\n'
-    late = "" if "t" in textures else 'Texture "t" "float" "constant"\n'
-    world_fails(textures + metal + late, 2, 26, "texture roughness", "--substitute renders it as its")
-    assert alpha(textures + metal + late) == pytest.approx(expected, rel=1e-12)
+    metal = 'Material "conductor" "texture k" "t" "rgb eta" [ 1 1 1 ]\n'
+    late = "" if "t" in textures else 'Texture "t" "spectrum" "constant"\n'
+    world_fails(textures + metal + late, 2, 22, "texture k", "--substitute renders it as its")
+    assert extinction(textures + metal + late) == pytest.approx(expected, rel=2e-4)
 
 
 def test_the_mean_of_an_image_is_taken_as_pbrt_scales_it(tmp_path: Path) -> None:

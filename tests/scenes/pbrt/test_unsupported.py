@@ -102,7 +102,6 @@ def test_what_is_malformed_comes_first_and_hides_nothing_before_it(line: str, pr
 @pytest.mark.parametrize(
     "line",
     [
-        'Material "coateddiffuse" "texture roughness" "r"',
         'Material "conductor" "texture eta" "r" "float roughness" .1',
         'Material "conductor" "texture reflectance" "r" "float roughness" .1',
         'AreaLightSource "diffuse" "string filename" "sky.exr" ' + TRIANGLE,
@@ -145,7 +144,7 @@ def test_a_bad_value_hides_nothing_behind_it() -> None:
     ("text", "column"),
     [
         ('Attribute "shape" "texture displacement" "t" Shape "plymesh" "string filename" "m.ply"', 19),
-        ('Attribute "material" "texture roughness" "r" Material "coateddiffuse"', 22),
+        ('Attribute "material" "texture eta" "r" Material "conductor"', 22),
     ],
 )
 def test_what_an_attribute_asks_for_is_named_where_it_says_so(text: str, column: int, tmp_path: Path) -> None:
