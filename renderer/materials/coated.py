@@ -311,7 +311,7 @@ class _Coat:
 
 @dataclass(frozen=True, eq=False)
 class _Layer:
-    """What lies between coat and base at n points: thickness, g: (n,). albedo: (3, n)."""
+    """The medium between coat and base at n points. thickness, g: (n,). albedo: (3, n)."""
 
     thickness: Floats
     albedo: Floats
