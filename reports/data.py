@@ -33,10 +33,9 @@ def points_csv(panels: Iterable[Panel]) -> str:
 
 
 def _figures(point: Point) -> list[object]:
-    verdict = "ok" if point.trusted else "untrustworthy"
     seconds = point.seconds
     return [
-        *(point.x, point.spp, len(point.cells), verdict),
+        *(point.x, point.spp, len(point.cells), point.state),
         *_ends(point.rmse),
         int(point.rmse.bound),
         *(seconds.value, seconds.low, seconds.high),

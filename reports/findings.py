@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -236,15 +237,23 @@ def _where(found: Comparison, scenes: bool) -> str:
 
 
 def _hidden(panels: Sequence[Panel]) -> str:
+    """The number of points that have no RMSE, or no more than a bound, and why."""
     points = [p for panel in panels for s in panel.series for p in s.points]
-    bounds, refused = sum(p.rmse.bound for p in points), sum(not p.trusted for p in points)
-    if not bounds and not refused:
+    states = Counter(p.state for p in points)
+    if set(states) == {"ok"}:
         every = f"All {len(points)} points"
         return f"{every} stand above the reference's noise and rest on samples that can be trusted."
+    bounds, refused, unscored = (states[name] for name in ("upper bound", "untrustworthy", "no score"))
+    reasons = dict.fromkeys(p.rmse.note for p in points if p.state == "no score")
+    none = f"; {unscored} {_have(unscored)} no error: {listing(list(reasons))}" if unscored else ""
     return (
         f"Of {len(points)} points, {bounds} below the reference's noise {_are(bounds)} given as upper "
-        f"bounds, and {refused} untrustworthy {_are(refused)} given no number."
+        f"bounds, and {refused} untrustworthy {_are(refused)} given no number{none}."
     )
+
+
+def _have(number: int) -> str:
+    return "has" if number == 1 else "have"
 
 
 def _are(number: int) -> str:

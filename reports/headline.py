@@ -78,7 +78,7 @@ def _by_samples(panel: Panel) -> str:
         costs = [(s, s.fitted_slope()) for s in panel.series]
         series, slope = next(((s, f) for s, f in costs if f is not None), (None, None))
         if series is None or slope is None:
-            return f"too few errors were measured {where} to tell."
+            return f"too few errors were measured {where} to tell{_why(panel)}."
         return (
             f"half the error costs {interval(halving_cost(slope))} times the render time with {series.label}."
         )
@@ -111,7 +111,13 @@ def _along(panel: Panel) -> str:
                 f"from {panel.study.over} = {plain(start.x)} to {plain(stop.x)} the error of {series.label} "
                 f"is multiplied by {interval(_growth(start, stop))}."
             )
-    return f"too few errors were measured along {panel.study.over} to tell."
+    return f"too few errors were measured along {panel.study.over} to tell{_why(panel)}."
+
+
+def _why(panel: Panel) -> str:
+    """The first reason that a point has no measured error, in brackets."""
+    notes = [p.rmse.note for series in panel.series for p in series.points if not p.rmse.measured]
+    return f" ({notes[0]})" if notes else ""
 
 
 def _ends(panel: Panel, series: Series) -> tuple[Point, Point] | None:

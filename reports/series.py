@@ -82,6 +82,15 @@ class Point:
         }
 
     @property
+    def state(self) -> str:
+        """`ok`, `upper bound`, `no score` or `untrustworthy`: whether its RMSE is a number, and why not."""
+        if not self.trusted:
+            return "untrustworthy"
+        if self.rmse.value is None:
+            return "no score"
+        return "upper bound" if self.rmse.bound else "ok"
+
+    @property
     def doubted(self) -> int:
         """The number of untrustworthy replicates."""
         return sum(cell.record.statistics.verdict != "ok" for cell in self.cells)
@@ -272,7 +281,7 @@ def _point(study: Study, x: float, cells: Sequence[FinishedCell]) -> Point:
     seconds = mean_interval([cell.record.seconds.render for cell in cells])
     verdict = _verdict(cells)
     scores = measure_all([cell.card.scores if cell.card else None for cell in cells], verdict)
-    mse = scores.get("mse", Measure(None, note="no mse was scored"))
+    mse = scores.get("mse", Measure(None, note="no MSE was scored; `penumbra run` scores it"))
     return Point(
         x,
         f"{spp:,} spp" if study.over == "spp" else f"{study.over} = {x:g}, {spp:,} spp",

@@ -150,14 +150,9 @@ def value_cell(found: Measure, higher: bool = False) -> Cell:
 
 def _verdict(point: Point) -> Cell:
     if not point.trusted:
-        return Cell(
-            "untrustworthy", f"{point.doubted} of {len(point.cells)} images", "left bad", title=point.verdict
-        )
-    if point.rmse.bound:
-        return Cell("upper bound", kind="left muted", title=BELOW)
-    if point.rmse.value is None:
-        return Cell("no score", kind="left muted", title=point.rmse.note)
-    return Cell("ok", kind="left")
+        doubted = f"{point.doubted} of {len(point.cells)} images"
+        return Cell(point.state, doubted, "left bad", title=point.verdict)
+    return Cell(point.state, kind="left" if point.rmse.measured else "left muted", title=point.rmse.note)
 
 
 def samples_table(panel: Panel) -> Table:

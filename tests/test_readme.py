@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import subprocess
@@ -17,11 +18,6 @@ README = Path(__file__).parent.parent / "README.md"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 BLOCKS = BLOCK.findall(README.read_text(encoding="utf-8"))
 MAKE = {"make demo", "make test"}
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("readme")
 
 
 def _run(command: list[str], folder: Path) -> None:
@@ -47,16 +43,27 @@ def test_every_kind_of_block_is_known() -> None:
     } == MAKE
 
 
-@pytest.mark.parametrize(("language", "text"), BLOCKS, ids=[text.split("\n")[0][:40] for _, text in BLOCKS])
 @pytest.mark.usefixtures("processes")
-def test_block_runs(language: str, text: str, folder: Path) -> None:
-    if language == "toml":
-        (folder / text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")
-    elif language == "python":
-        _run([sys.executable, "-c", text], folder)
-    else:
-        script = "\n".join(line for line in text.splitlines() if not line.startswith("make "))
-        _run(["sh", "-euc", script or ":"], folder)
+def test_blocks_run_and_the_report_of_its_sweep_has_numbers(tmp_path: Path) -> None:
+    for language, text in BLOCKS:
+        if language == "toml":
+            (tmp_path / text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")
+        elif language == "python":
+            _run([sys.executable, "-c", text], tmp_path)
+        else:
+            script = "\n".join(line for line in text.splitlines() if not line.startswith("make "))
+            _run(["sh", "-euc", script or ":"], tmp_path)
+    with (tmp_path / "runs/first/report/data.csv").open(newline="") as file:
+        points = list(csv.DictReader(file))
+    assert [(p["sampler"], p["spp"]) for p in points] == [
+        (sampler, spp) for sampler in ("independent", "sobol") for spp in ("1", "4", "16")
+    ]
+    assert {(p["verdict"], p["seeds"]) for p in points} == {("ok", "5")}
+    for p in points:
+        assert 0 < float(p["rmse_low"]) < float(p["rmse"]) < float(p["rmse_high"])
+        assert float(p["seconds"]) > 0 and float(p["efficiency"]) > 0
+    first, last = (float(points[i]["rmse"]) for i in (0, 2))
+    assert 3 < first / last < 5  # independent: by the root of 16
 
 
 def test_picture_is_there() -> None:

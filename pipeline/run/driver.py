@@ -139,7 +139,7 @@ def _score_key(context: RunContext, plan: StudyPlan, cell: Cell) -> str:
     """The content address of a cell's scores: another image, reference, metric or formula gives another."""
     reference = _reference_key(plan, cell.variant)
     wanted = context.requests[reference]
-    metrics = plan.study.metrics
+    metrics = plan.study.scored
     code = "".join([metrics_fingerprint(), *map(METRICS.code, metrics)])
     return score_key(cell.key, reference, wanted, metrics, code)
 
@@ -199,7 +199,7 @@ def _score_tasks(context: RunContext, references: Mapping[str, StoredReference])
     for plan in context.plans:
         for cell in sorted(plan.cells, key=lambda cell: cell.variant.hash):
             stored = references[_reference_key(plan, cell.variant)]
-            metrics = tuple(plan.study.metrics)
+            metrics = tuple(plan.study.scored)
             info = to_info(stored, root)
             yield ScoreTask(
                 root,

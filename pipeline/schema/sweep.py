@@ -123,6 +123,11 @@ class Study(_Strict):
     reference: ReferenceDeclaration = ReferenceDeclaration()
     axes: Axes
 
+    @property
+    def scored(self) -> list[str]:
+        """The metrics, with MSE in any case: the report's errors, fits and efficiencies rest on it."""
+        return list(dict.fromkeys([*self.metrics, "mse"]))
+
     @model_validator(mode="after")
     def _known_axis(self) -> Study:
         allowed = ["spp", *self.axes.parameters]

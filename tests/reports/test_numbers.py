@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +13,8 @@ from scipy import stats
 
 from pipeline.schema.record import Score, Seconds
 from pipeline.statistics.slopes import halving_cost
-from pipeline.store.run_folder import Run, load_run
+from pipeline.store.run_folder import FinishedCell, Run, load_run
+from reports.data import points_csv
 from reports.findings import (
     by_estimator,
     by_sampler,
@@ -23,7 +26,8 @@ from reports.findings import (
     stability_sentences,
 )
 from reports.formats import count, ends, interval, listing, millions, plain, power_of_ten, sig, spread
-from reports.series import Measure, Panel, Series, measure_all, select_studies
+from reports.headline import answer
+from reports.series import Measure, Panel, Series, StudyView, _point, measure_all, select_studies
 from tests.kit.small_run import GAPS, SECONDS, SEEDS, SIGMA, SPP, SPREAD
 
 
@@ -283,3 +287,24 @@ def test_a_bound_is_the_end_that_nothing_lies_beyond() -> None:
     assert found["psnr"].bound and found["psnr"].value == 38.0
     assert found["mae"].bound and found["mae"].value == 0.4
     assert not found["bias"].bound and found["bias"].value == 0.2
+
+
+def test_points_without_mse_say_so_everywhere(samples: Panel) -> None:
+    """Catches a report that shows nothing and calls every point sound."""
+
+    def bare(cell: FinishedCell) -> FinishedCell:
+        assert cell.card is not None
+        scores = {name: score for name, score in cell.card.scores.items() if name != "mse"}
+        return replace(cell, card=cell.card.model_copy(update={"scores": scores}))
+
+    cells = tuple(bare(cell) for cell in samples.series[0].points[0].cells)
+    point = _point(samples.study, 1.0, cells)
+    assert (point.state, point.rmse.value, point.efficiency.value) == ("no score", None, None)
+    panel = replace(samples, series=(replace(samples.series[0], points=(point, point)),))
+    why = "no MSE was scored; `penumbra run` scores it"
+    assert promise_accuracy([StudyView(samples.study, (panel,), (), (), ())])[-1].endswith(
+        f"; 2 have no error: {why}."
+    )
+    assert answer(panel).endswith(f" to tell ({why}).")
+    row = next(csv.DictReader(io.StringIO(points_csv([panel]))))
+    assert (row["verdict"], row["rmse"], row["efficiency"]) == ("no score", "", "")
