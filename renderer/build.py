@@ -166,7 +166,7 @@ class RenderScene:
     def smooth(self) -> NDArray[np.bool_]:
         """(s,): shapes with shading normals of their own."""
         shapes = self.description.shapes
-        own = [vertex_normals(s.geometry) is not None or s.relief is not None for s in shapes]
+        own = [vertex_normals(s.geometry) is not None or s.has_relief for s in shapes]
         return np.array(own, dtype=np.bool_)
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
@@ -215,7 +215,7 @@ def build(scene: SceneDescription) -> RenderScene:
         coordinates=uv,
         shading_normals=smooth,
         cutouts=cutouts(shapes, uv),
-        reliefs=reliefs(shapes, uv, smooth),
+        reliefs=reliefs(rows, uv, smooth),
         mixtures=mixed,
         material_of=material_of,
         lobes=_lobes(shapes),

@@ -412,16 +412,19 @@ def _surface(
         return hit
     hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))
     if scene.reliefs is not None:
-        hit = _embossed(scene.reliefs, hit)
+        hit = _embossed(scene.reliefs, hit, hit if scene.mixtures is None else scene.mixtures.chosen(hit))
     if not scene.coordinates.oriented:
         return hit
     return replace(hit, tangent=scene.coordinates.tangent(p, triangle, primitive))
 
 
-def _embossed(reliefs: Reliefs, hit: SurfaceHit) -> SurfaceHit:
-    """Points with the shading normals of their reliefs, on the side of wo."""
+def _embossed(reliefs: Reliefs, hit: SurfaceHit, chosen: SurfaceHit) -> SurfaceHit:
+    """Points with the shading normals of their reliefs, on the side of wo.
+
+    chosen: the points with the row of the material that each is of in the place of their shape.
+    """
     outside = np.where(hit.front, hit.ns, -hit.ns)
-    turned = reliefs.at(hit.p, outside, hit.uv, hit.shape, (hit.triangle, hit.primitive), hit.n)
+    turned = reliefs.at(hit.p, outside, hit.uv, chosen.shape, (hit.triangle, hit.primitive), hit.n)
     # The geometric normal on the outside, as pbrt orients it by the shading normal.
     n = np.where(dot(hit.n, outside) < 0, -hit.n, hit.n)
     turned = np.where(dot(turned, n) < 0, -turned, turned)

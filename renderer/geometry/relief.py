@@ -28,9 +28,8 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Reliefs:
-    """The shapes with a relief. some: (s,) which they are. all: theirs, by shape."""
+    """The reliefs of all shapes. all: by shape, or by the row that stands for a material of a mix."""
 
-    some: NDArray[np.bool_]
     all: tuple[tuple[int, Relief], ...]
     coordinates: Coordinates
     smooth: ShadingNormals | None
@@ -111,4 +110,4 @@ def reliefs(
     all_ = tuple((i, s.relief) for i, s in enumerate(shapes) if s.relief is not None)
     if not all_ or coordinates is None:
         return None
-    return Reliefs(np.array([s.relief is not None for s in shapes]), all_, coordinates, smooth)
+    return Reliefs(all_, coordinates, smooth)

@@ -60,7 +60,8 @@ def mixtures(shapes: Sequence[ShapeDescription]) -> tuple[list[ShapeDescription]
             one, salt = shape.material, salts[number]
             at = len(rows)
             choices.append(_Choice(number, one.amount, at, at + 1, salt))
-            rows += [replace(shape, material=part) for part in one.parts]
+            both = zip(one.parts, one.reliefs, strict=True)
+            rows += [replace(shape, material=part, relief=relief) for part, relief in both]
             salts |= {at: 2 * salt, at + 1: 2 * salt + 1}
     return rows, Mixtures(tuple(choices)) if choices else None
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.materials import Material
+from scenes.description.materials import Material, MixedMaterial
 from scenes.description.relief import Relief
 from scenes.description.textures import ColorMap, Texture
 from scenes.errors import Location
@@ -467,10 +467,16 @@ class ShapeDescription:
         textured = self.alpha is not None and not isinstance(self.alpha, np.ndarray)
         return (
             textured
-            or self.relief is not None
+            or self.has_relief
             or self.material.needs_uv
             or (self.emission is not None and self.emission.image is not None)
         )
+
+    @property
+    def has_relief(self) -> bool:
+        """Whether anything turns its shading normals, in all of its points or in those of a part of a mix."""
+        mixed = isinstance(self.material, MixedMaterial) and self.material.has_relief
+        return self.relief is not None or mixed
 
     def scaled(self, factor: float) -> ShapeDescription:
         """The shape with its emission multiplied."""

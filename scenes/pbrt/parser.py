@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.description.materials import MixedMaterial
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Emission, Geometry, Quadric, ShapeDescription
 from scenes.errors import PenumbraError, Report, SceneError
@@ -142,10 +143,12 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     alpha, relief = resolve_alpha(placed.alpha, builder), resolve_relief(placed.material, builder)
     if isinstance(alpha, np.ndarray) and not alpha.any() and placed.light is None:
         return []  # no ray ever meets it
-    if relief is not None and isinstance(placed.geometry, Quadric):
+    mixed = isinstance(material, MixedMaterial) and material.has_relief
+    if (relief is not None or mixed) and isinstance(placed.geometry, Quadric):
         what = f"a normal map or displacement on part of a {placed.geometry.form}"
         builder.report.substitute(what, "without it", placed.where)
         relief = None
+        material = material.without_reliefs() if isinstance(material, MixedMaterial) else material
     if not (material.needs_uv or relief) and (alpha is None or isinstance(alpha, np.ndarray)):
         parts = [(geometry.untextured(), emission) for geometry, emission in parts]
     return [ShapeDescription(one, material, emission, placed.where, alpha, relief) for one, emission in parts]

@@ -48,7 +48,7 @@ def outline(mesh: TriangleMesh | BilinearMesh, shape: ShapeDescription, *, orien
     one convex loop of winding number 1, so that every point inside is covered exactly once. oriented: faces
     must already turn the same way, as a light's do; else those that do not are turned round.
     """
-    if shape.alpha is not None or shape.relief is not None:
+    if shape.alpha is not None or shape.has_relief:
         raise SceneError("the closed form needs shapes without an alpha, a normal map or bumps", shape.where)
     faces = _corners(mesh)
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)

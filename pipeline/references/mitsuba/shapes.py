@@ -67,7 +67,7 @@ def affine(axes: Array, origin: Array) -> Array:
 
 def shapes(shape: ShapeDescription, frame: Frame) -> Iterator[Plugin]:
     """The shape in normalised coordinates; SceneError where it has no counterpart."""
-    if shape.relief is not None:
+    if shape.has_relief:
         raise SceneError("normal maps and displacements are not handed to Mitsuba", shape.where)
     if shape.alpha is not None:
         raise SceneError(

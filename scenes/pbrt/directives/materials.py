@@ -393,11 +393,9 @@ def _mixed(use: MixedUse, builder: Builder, within: tuple[str, ...]) -> MixedMat
         found = _found(part, builder)
         if isinstance(found, Interface):
             raise SceneError('a mix with a material "interface" is not supported', part.where)
-        if isinstance(found, Embossed):
-            what = "a normal map or displacement of a material in a mix"
-            builder.report.substitute(what, "without it", part.where)
         parts.append(resolve_material(found, builder, (*within, part.name)))
-    return MixedMaterial(parts[0], parts[1], use.amount(builder))
+    reliefs = resolve_relief(use.first, builder), resolve_relief(use.second, builder)
+    return MixedMaterial(parts[0], parts[1], use.amount(builder), reliefs)
 
 
 def resolve_material(use: MaterialUse, builder: Builder, within: tuple[str, ...] = ()) -> Material:
@@ -512,8 +510,10 @@ def _(material: DiffuseTransmission, textures: TextureWriter) -> list[str]:
 def _(material: MixedMaterial, textures: TextureWriter) -> list[str]:
     lines: list[str] = []
     names: list[str] = []
-    for part in material.parts:
+    for part, relief in zip(material.parts, material.reliefs, strict=True):
         *before, text = material_text(part, textures)
+        if relief is not None:
+            text = f"{text} {relief_text(relief, textures, before)}"
         name, new = textures.material_name(text)
         names.append(name)
         lines += before
