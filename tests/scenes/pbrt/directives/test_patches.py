@@ -107,3 +107,27 @@ def test_a_curved_light_emits_from_its_triangles() -> None:
     area = refined(SADDLE, np.array([[0, 1, 2, 3]]), None, None, False, False).areas().sum()
     np.testing.assert_allclose(shape.geometry.areas().sum(), area, rtol=1e-12)
     assert 4 < area < 4.6 and len(middle) == 40000
+
+
+def test_a_texture_lies_bilinearly_on_a_patch() -> None:
+    """pbrt interpolates the corners' coordinates in u and v of the patch, also where they fold over.
+
+    The coordinates of a ring of corners, given to a patch whose corners go row by row, are what public files
+    have. Two triangles would be off by half of the coordinates' range in the middle.
+    """
+    corners = "-1 -1 0  1 -1 0  -1 1 0  1 1 0"
+    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    listed = " ".join(f"{a:g} {b:g}" for a, b in uv)
+    board = 'Texture "t" "spectrum" "checkerboard" "rgb tex1" [ 1 1 1 ] "rgb tex2" [ 0 0 0 ] '
+    use = 'Material "diffuse" "texture reflectance" "t" '
+    text = f'{board}{use}Shape "bilinearmesh" "point3 P" [ {corners} ] "point2 uv" [ {listed} ]'
+    scene = world(text + ' LightSource "infinite"')
+    assert ["no parallelogram" in note for note in scene.notes] == [True]
+    mesh = scene.shapes[0].geometry
+    assert isinstance(mesh, TriangleMesh)
+    weights = np.random.default_rng(1).dirichlet(np.ones(3), 7)
+    points = np.einsum("wk,tkc->twc", weights, mesh.vertices[mesh.faces])
+    found = np.einsum("wk,tkc->twc", weights, mesh.corner_uv())
+    assert np.abs(found - bilinear(uv, points[..., :2] / 2 + 0.5)).max() < 1e-3
+    plain = world(f'Shape "bilinearmesh" "point3 P" [ {corners} ] "point2 uv" [ {listed} ]')
+    assert isinstance(plain.shapes[0].geometry, BilinearMesh)
