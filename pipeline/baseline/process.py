@@ -21,6 +21,7 @@ from pipeline.baseline.task import Array, Task
 from pipeline.baseline.worker import TASKS, result_file
 from pipeline.extras import require_extra, version_of
 from pipeline.references.subprocesses import last_words, worker_command, worker_environment
+from pipeline.store.npz import from_npz
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
 
@@ -96,14 +97,10 @@ def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:
         for platform in PLATFORMS:
             failure = _try(folder, platform)
             if failure is None:
-                return [_read(result_file(folder, number)) for number in range(len(tasks))], platform
+                found = (result_file(folder, number).read_bytes() for number in range(len(tasks)))
+                return [from_npz(content) for content in found], platform
             said.append(f"{platform}: {failure}")
     raise PenumbraError(f"pyrender cannot draw here ({'; '.join(said)}); {REMEDY}")
-
-
-def _read(path: Path) -> _Found:
-    with np.load(path, allow_pickle=False) as found:
-        return dict(found)
 
 
 def _try(folder: Path, platform: str) -> str | None:

@@ -32,7 +32,7 @@ class Accumulator:
     seconds: float = 0.0
 
     def add(self, image: Image, spp: int, seconds: float) -> Accumulator:
-        """The accumulator with one more batch: `image` (h, w, 3), the mean of `spp` samples a pixel."""
+        """Add one batch: `image` (h, w, 3) is the mean of `spp` samples a pixel."""
         total = self.spp + spp
         delta = image - self.mean
         mean = self.mean + delta * (spp / total)
@@ -64,7 +64,7 @@ class Precision:
 
 
 def empty_accumulator(height: int, width: int) -> Accumulator:
-    """No batches yet."""
+    """An accumulator without batches, for images of this size in pixels."""
     return Accumulator(np.zeros((height, width, 3)), np.zeros((height, width, 3)))
 
 

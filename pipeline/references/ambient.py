@@ -18,9 +18,9 @@ from scenes.description.scene import SceneDescription
 
 
 def ambient_scene(scene: SceneDescription) -> SceneDescription:
-    """`scene` in white under a white sky.
+    """White surfaces under a white sky: their radiance is the ambient occlusion of `scene`.
 
-    Only where nothing ends the rays: ValueError for a finite occlusion distance.
+    ValueError for a scene with a finite occlusion distance.
     """
     if np.isfinite(scene.occlusion_distance):
         raise ValueError(f"rays that end after {scene.occlusion_distance:g} are no direct light")
@@ -28,7 +28,7 @@ def ambient_scene(scene: SceneDescription) -> SceneDescription:
 
 
 def bare_scene(scene: SceneDescription) -> SceneDescription:
-    """`scene` in white and without lights, on which alone its ambient occlusion depends."""
+    """The shapes of `scene` in white, without lights: all that its ambient occlusion depends on."""
     white = Diffuse(np.ones(3))
     shapes = tuple(replace(shape, material=white, emission=None) for shape in scene.shapes)
     return replace(scene, shapes=shapes, lights=())

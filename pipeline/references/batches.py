@@ -1,4 +1,4 @@
-"""Draw batches until a request is met, for every sampling backend."""
+"""Draw batches of samples until a request is met; all sampling backends do it by this module."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def accumulate(
     continuation: Continuation | None = None,
     progress: Progress | None = None,
 ) -> Accumulator:
-    """Draw batches of at most `most` samples a pixel until `request` is met, on top of `continuation`.
+    """Draw batches of at most `most` samples a pixel until `request` is met, beginning with `continuation`.
 
-    PenumbraError for fewer than 2 batches, and where a batch has a non-finite value.
+    PenumbraError for fewer than 2 batches, and for a batch with a non-finite value.
     """
     if request.batches < 2:
         raise PenumbraError(
@@ -76,7 +76,7 @@ def accumulate(
 
 
 def missing(accumulator: Accumulator, request: ReferenceRequest, most: int) -> Batches | None:
-    """The next batches to draw, or None where the request is met.
+    """The next batches to draw; None once the request is met.
 
     Without a target their size follows from the request alone, so that an interrupted reference equals an
     uninterrupted one to the last bit.
@@ -97,14 +97,15 @@ def missing(accumulator: Accumulator, request: ReferenceRequest, most: int) -> B
 
 def met(image: ReferenceImage, request: ReferenceRequest) -> bool:
     """True if a reference fulfils the request, as a deterministic one always does."""
-    accumulator = Accumulator(image.mean, image.variance, image.spp, image.batches)
-    if image.batches == 0 or accumulator.batches < request.batches or accumulator.spp < request.spp:
-        return image.batches == 0
+    if image.batches == 0:
+        return True
+    if image.batches < request.batches or image.spp < request.spp:
+        return False
     return request.target is None or precision(image.mean, image.variance).excess(request.target) <= 1
 
 
 def to_image(accumulator: Accumulator, provenance: dict[str, str]) -> ReferenceImage:
-    """The reference that an accumulator makes."""
+    """The reference image of the batches in an accumulator."""
     return ReferenceImage(
         accumulator.mean,
         accumulator.variance,
@@ -116,7 +117,7 @@ def to_image(accumulator: Accumulator, provenance: dict[str, str]) -> ReferenceI
 
 
 def to_accumulator(image: ReferenceImage) -> Accumulator:
-    """The accumulator behind a reference, exact to rounding, to be continued."""
+    """The accumulator behind a reference, to rounding, so that batches can be added to it."""
     m2 = image.variance * (image.spp * (image.batches - 1))
     return Accumulator(image.mean, m2, image.spp, image.batches, image.seconds)
 

@@ -37,11 +37,12 @@ from pipeline.references.protocol import (
     refusal,
     substituted,
 )
-from pipeline.references.unfinished import Unfinished, from_npz, to_npz
+from pipeline.references.unfinished import Unfinished
 from pipeline.schema.record import ReferenceInfo
 from pipeline.store.keys import reference_key
 from pipeline.store.lock import locked
 from pipeline.store.machine import machine
+from pipeline.store.npz import from_npz, to_npz
 from pipeline.store.sealed_folder import SEAL, Writer, damage, sealed, write_entry
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
@@ -55,10 +56,10 @@ UNFINISHED = ".unfinished"
 
 @dataclass(frozen=True, eq=False)
 class StoredReference:
-    """A reference on disk. path: its EXR; key: its content address; backend: its name; fresh: whether this
-    very call drew samples.
+    """A reference on disk.
 
-    kept: how many samples a pixel were there before it did.
+    path: its EXR. key: its content address. fresh: whether this call drew samples. kept: samples a pixel that
+    were stored before.
     """
 
     path: Path
@@ -70,7 +71,7 @@ class StoredReference:
 
 
 class _Damaged(Exception):
-    """An entry that is there and cannot be used."""
+    """A stored reference that cannot be used."""
 
 
 def reference_for(
@@ -80,12 +81,12 @@ def reference_for(
     root: Path,
     progress: Progress | None = None,
 ) -> StoredReference:
-    """The reference of `scene` by that backend, from `root` if it is there, whole and precise enough; else
-    made, or added to, and stored.
+    """Find the reference of a scene in the cache `root`, or make it and store it there.
 
-    A damaged entry is reported through the logger "penumbra" and rendered again. PenumbraError where the
-    backend is unknown, refuses the scene or fails, and, before any rendering, where `root` cannot be written.
-    An interruption leaves the batches that were finished to the next call.
+    A stored reference with too few samples is added to; a damaged one is reported through the logger
+    "penumbra" and made again. After an interruption the next call goes on from the batches that were
+    finished. PenumbraError if the backend is unknown, refuses the scene or fails, or if `root` cannot be
+    written, which is found out before rendering.
     """
     backend = BACKENDS[backend_name]
     if reason := substituted(scene):  # the stored one of the same content is of another file
@@ -108,14 +109,12 @@ def reference_for(
 
 
 def key_for(scene_hash: str, backend: str, version: str, request: ReferenceRequest) -> str:
-    """The key of what `request` asks for, however many samples it wants."""
+    """The content address of a reference; the number of samples is no part of it."""
     return reference_key(scene_hash, backend, version, request.quantity, request.seed)
 
 
 def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
-    """The reference as a record names it; rms_standard_error is over pixels and channels, the image's path
-    relative to `run_folder`.
-    """
+    """The reference as records describe it, its image's path relative to `run_folder`."""
     image = stored.image
     return ReferenceInfo(
         backend=stored.backend,
@@ -130,7 +129,7 @@ def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
 
 @contextmanager
 def _locked(root: Path, key: str) -> Generator[None]:
-    """Keep others from making the same reference; ends with the process at the latest."""
+    """Keep other processes from making the same reference; the lock ends with the process at the latest."""
 
     def busy() -> None:
         log.warning("reference %s is being made by another process; waiting for it", key)
@@ -157,7 +156,7 @@ def _make(
     stored: StoredReference | None,
     progress: Progress | None,
 ) -> StoredReference:
-    """Render what is missing beyond `stored` and what an interrupted call left, and store the whole."""
+    """Render the samples that are missing, and store the whole reference."""
     unfinished = Unfinished(entry.with_name(entry.name + UNFINISHED), entry.name)
     start = _start(stored, unfinished.read(scene.film))
     try:
@@ -173,7 +172,7 @@ def _make(
 
 
 def _start(stored: StoredReference | None, unfinished: Accumulator | None) -> Accumulator | None:
-    """The larger of the two starts."""
+    """The stored reference or the unfinished one, whichever has more samples."""
     done = to_accumulator(stored.image) if stored and stored.image.batches > 1 else None
     found = [accumulator for accumulator in (done, unfinished) if accumulator]
     return max(found, key=lambda accumulator: accumulator.spp, default=None)
@@ -186,8 +185,8 @@ def _described(
     scene: SceneDescription,
     request: ReferenceRequest,
 ) -> ReferenceImage:
-    """The image with what the cache knows added to its provenance; numbers in full, so that they are read
-    back as they were.
+    """Add the cache's own facts to the image's provenance, numbers in full so that they are read back
+    exactly.
     """
     known = {
         "key": key,
@@ -209,26 +208,22 @@ def _write(entry: Path, image: ReferenceImage) -> None:
     count = np.full(image.mean.shape[:2], float(image.spp))
     text = json.dumps(image.provenance)
     state = {"mean": image.mean, "variance": image.variance, "count": count, "provenance": np.array(text)}
-    writers: dict[str, Writer] = {
+    files: dict[str, Writer | bytes] = {
         EXR: lambda path: write_estimate_exr(path, image.mean, image.variance, count, image.provenance),
-        STATE: lambda path: _write_bytes(path, to_npz(state)),
-        PROVENANCE: lambda path: _write_bytes(path, json.dumps(image.provenance, indent=1).encode()),
+        STATE: to_npz(state),
+        PROVENANCE: json.dumps(image.provenance, indent=1).encode(),
     }
     scratch = entry.parent / f".{entry.name}.draft"
     try:
         shutil.rmtree(scratch, ignore_errors=True)  # of a process that was killed: the lock is ours
-        write_entry(entry, scratch, writers)
+        write_entry(entry, scratch, files)
         shutil.rmtree(scratch, ignore_errors=True)
     except OSError as error:
         raise PenumbraError(f"{entry}: cannot be written: {error.strerror or error}") from error
 
 
-def _write_bytes(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
-
-
 def _load(entry: Path, key: str, backend: str) -> StoredReference | None:
-    """The entry, or None where there is none; a damaged one is reported and put out of the way."""
+    """The stored reference, or None; a damaged one is reported and removed."""
     try:
         return _read(entry, key, backend)
     except _Damaged as error:
@@ -238,9 +233,7 @@ def _load(entry: Path, key: str, backend: str) -> StoredReference | None:
 
 
 def _read(entry: Path, key: str, backend: str) -> StoredReference | None:
-    """The entry, None where there is none; _Damaged unless every file is what was written and carries
-    `key`.
-    """
+    """The stored reference, or None; _Damaged if a file was altered or belongs to another key."""
     if not entry.is_dir():
         return None
     problem = damage(entry)

@@ -1,4 +1,4 @@
-"""The protocol of a reference backend, its requests and its answers."""
+"""The protocol of a reference backend, with its requests and the images that it returns."""
 
 from __future__ import annotations
 
@@ -54,12 +54,14 @@ class ReferenceImage:
 
 
 def _forget(_: Accumulator) -> None:
-    """Keep nothing."""
+    """Keep no batches."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """start: earlier batches of the same scene, backend, version, quantity, seed. keep: called per batch."""
+    """Batches to go on from. start: those of an earlier call for the same key. keep: called after each
+    batch.
+    """
 
     start: Accumulator | None = None
     keep: Callable[[Accumulator], None] = _forget
@@ -72,11 +74,11 @@ class ReferenceBackend(Protocol):
     name: str
 
     def version(self) -> str:
-        """Everything about the backend that its images depend on, a part of the cache key."""
+        """Everything about the backend that its images depend on; a part of the cache key."""
         ...
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """The reason why the backend cannot render the scene, in one sentence, or None."""
+        """Say in one sentence why the backend cannot render the scene; None if it can."""
         ...
 
     def render(
@@ -86,7 +88,7 @@ class ReferenceBackend(Protocol):
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """The reference. PenumbraError where it refuses or fails."""
+        """Render the reference; PenumbraError if the backend refuses the scene or fails."""
         ...
 
 
@@ -94,27 +96,27 @@ BACKENDS: Registry[ReferenceBackend] = Registry("reference backend", "pipeline.r
 
 
 def unlit(scene: SceneDescription) -> str | None:
-    """The reason to refuse a scene without lights, None for one with lights."""
+    """Why a scene without lights is refused; None for a scene with lights."""
     if scene.lights or any(shape.emission for shape in scene.shapes):
         return None
     return "it has no lights, so that its reference would be black"
 
 
 def require(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> None:
-    """PenumbraError where the backend refuses the scene."""
+    """Raise PenumbraError if the backend refuses the scene."""
     if reason := substituted(scene) or backend.refuses(scene, quantity):
         raise PenumbraError(f"scene {scene.name}: {reason}")
 
 
 def substituted(scene: SceneDescription) -> str | None:
-    """The reason to make no reference of a scene that is not simulated as its file says, or None."""
+    """Why a scene has no reference whose materials or lights were substituted; None if none were."""
     if not scene.substitutions:
         return None
     return f"a reference is of the file, and this is not: {'; '.join(scene.substitutions)}"
 
 
 def supporting_backends(scene: SceneDescription, quantity: Quantity, without: str = "") -> list[str]:
-    """The names of the backends that support the scene, other than `without`."""
+    """The names of all backends but `without` that can render the scene."""
     return [
         name
         for name, backend in BACKENDS.items()
@@ -123,7 +125,7 @@ def supporting_backends(scene: SceneDescription, quantity: Quantity, without: st
 
 
 def refusal(backend: ReferenceBackend, scene: SceneDescription, quantity: Quantity) -> str | None:
-    """The reason why the backend refuses the scene and the names of others that do not, or None."""
+    """Why the backend refuses the scene, and which others take it; None if it does not refuse."""
     if reason := substituted(scene):
         return reason
     reason = backend.refuses(scene, quantity)

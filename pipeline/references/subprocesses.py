@@ -1,4 +1,4 @@
-"""Workers in processes of their own: how one is called, its environment, and its last words."""
+"""Workers in processes of their own: their command, their environment, and the end of their output."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ ROOT = Path(__file__).parents[2]  # holds the packages, installed or not
 
 
 def worker_command(module: str, folder: Path) -> list[str]:
-    """The command that runs a worker module on the task in a folder.
-
-    -P keeps packages of the current folder from hiding ours.
-    """
+    """The command that runs a worker module on the task in a folder."""
+    # -P keeps packages of the current folder from hiding ours.
     return [sys.executable, "-P", "-m", module, str(folder)]
 
 
@@ -24,5 +22,5 @@ def worker_environment(**variables: str) -> dict[str, str]:
 
 
 def last_words(text: str, lines: int = 4) -> str:
-    """The last lines of a process's output on one line, empty where it wrote nothing."""
+    """The last lines of a process's output, joined to one; empty if it wrote nothing."""
     return " | ".join([line.strip() for line in text.splitlines() if line.strip()][-lines:])

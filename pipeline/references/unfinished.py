@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import time
 import zipfile
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pipeline.references.accumulator import Accumulator
+from pipeline.store.npz import from_npz, to_npz
 from scenes.description.scene import Film
 from scenes.files import write_file
 from scenes.hashing import hash_bytes
@@ -27,10 +25,10 @@ SEAL = 32  # bytes of SHA-256 before the .npz
 
 @dataclass
 class Unfinished:
-    """The file of an unfinished reference: read once, then saved to now and then, and whenever it is told to.
+    """The file of an unfinished reference, which batches are saved to about once a second.
 
-    path: of the file. key: of the reference, which the file holds as well: under another name its batches are
-    another's. last: what is not saved yet. next_save: when to, by time.monotonic().
+    key: of the reference. The file holds it too, so that a renamed file is not taken for another reference's.
+    last: the accumulator that is not saved yet. next_save: when to save, by time.monotonic().
     """
 
     path: Path
@@ -39,7 +37,7 @@ class Unfinished:
     next_save: float = field(default_factory=lambda: time.monotonic() + SAVE_EVERY)
 
     def read(self, film: Film) -> Accumulator | None:
-        """The work that an interrupted call left, None if there is nothing or nothing whole."""
+        """The batches that an interrupted call left; None if there are none, or the file is damaged."""
         if not self.path.is_file():
             return None
         try:
@@ -51,7 +49,7 @@ class Unfinished:
             return None
 
     def keep(self, accumulator: Accumulator) -> None:
-        """Take note of a finished batch; save if it is time."""
+        """Remember the batches drawn so far, and save them if it is time."""
         self.last = accumulator
         start = time.monotonic()
         if start >= self.next_save:
@@ -59,28 +57,20 @@ class Unfinished:
             self.next_save = time.monotonic() + max(SAVE_EVERY, SAVE_SHARE * (time.monotonic() - start))
 
     def save(self) -> None:
-        """Write what is not written yet, atomically."""
+        """Write the batches that are not saved yet, atomically."""
         accumulator, self.last = self.last, None
         if accumulator is None:
             return
-        told = {
-            "key": self.key,
-            "spp": accumulator.spp,
-            "batches": accumulator.batches,
-            "seconds": accumulator.seconds,
-        }
-        content = to_npz(
-            {"mean": accumulator.mean, "m2": accumulator.m2} | {name: np.array(v) for name, v in told.items()}
-        )
+        content = to_npz({"key": np.array(self.key)} | vars(accumulator))
         write_file(self.path, bytes.fromhex(hash_bytes(content)) + content)
 
     def remove(self) -> None:
-        """Once the reference is stored."""
+        """Delete the file, once the reference itself is stored."""
         self.path.unlink(missing_ok=True)
 
 
 def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Accumulator:
-    """ValueError and the like where `data` is not what was saved, or is another reference's."""
+    """The accumulator in a saved file; ValueError or KeyError if it is damaged or another reference's."""
     content = data[SEAL:]
     if bytes.fromhex(hash_bytes(content)) != data[:SEAL]:
         raise ValueError("it does not match its checksum")
@@ -91,16 +81,3 @@ def _parse(data: bytes, key: str, shape: tuple[int, int, int]) -> Accumulator:
         raise ValueError(f"it is of size {arrays['mean'].shape}, not {shape}")
     numbers = int(arrays["spp"]), int(arrays["batches"]), float(arrays["seconds"])
     return Accumulator(arrays["mean"], arrays["m2"], *numbers)
-
-
-def to_npz(arrays: Mapping[str, Any]) -> bytes:
-    """The bytes of an .npz."""
-    file = io.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)
-    return file.getvalue()
-
-
-def from_npz(content: bytes) -> dict[str, Any]:
-    """Its arrays by name."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}

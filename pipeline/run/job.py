@@ -68,11 +68,6 @@ def build_scene(scene: ReadScene) -> PreparedScene:
     return PreparedScene(build(scene.description), scene.hash, scene.seconds_load)
 
 
-def prepare(name: str, parameters: Mapping[str, float]) -> PreparedScene:
-    """Read and build a scene."""
-    return build_scene(read_scene(name, parameters))
-
-
 def run_job(
     job: Job,
     scene: PreparedScene,

@@ -1,8 +1,8 @@
-"""The label images of a run: regions/<key>/{map.json,regions.exr}, one for each scene, made once and read by
-every scorer.
+"""Label images in a run folder, regions/<key>/{map.json,regions.exr}: made once a scene, read by every
+scorer.
 
-The key is of the scene's content, the renderer's sources and this pass's own. Of two workers that want the
-same map one waits.
+The key covers the scene's content, the renderer's sources and those of the visibility pass. Of two workers
+that want the same map one waits.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pipeline.run.job import PreparedScene
 from pipeline.schema.record import RegionMap
 from pipeline.store.keys import region_key
 from pipeline.store.lock import locked
-from pipeline.store.sealed_folder import damage, write_entry
+from pipeline.store.sealed_folder import Writer, damage, write_entry
 from pipeline.studies.regions import CONTACT, SPP, Regions, find_regions, from_channels, to_channels
 from renderer import fingerprint
 from scenes.images.exr import read_exr, write_exr
@@ -22,9 +22,9 @@ FOLDER, MAP, LABELS_EXR = "regions", "map.json", "regions.exr"
 
 
 def region_map(root: Path, scene: PreparedScene) -> tuple[RegionMap, Regions] | None:
-    """The regions of a scene and where their label image lies in the run folder `root`; made if need be.
+    """Find the regions of a scene in the run folder `root`, or make and store them.
 
-    None without lights.
+    None for a scene without lights.
     """
     key = region_key(scene.hash, fingerprint())
     entry = root / FOLDER / key
@@ -37,7 +37,7 @@ def region_map(root: Path, scene: PreparedScene) -> tuple[RegionMap, Regions] | 
 
 
 def _read(entry: Path) -> tuple[RegionMap, Regions] | None:
-    """The region map that is there and whole."""
+    """The stored region map, or None if it is missing or damaged."""
     if not entry.is_dir() or damage(entry):
         return None
     described = RegionMap.model_validate_json((entry / MAP).read_text(encoding="utf-8"))
@@ -51,14 +51,9 @@ def _make(root: Path, key: str, scene: PreparedScene) -> tuple[RegionMap, Region
     pixels = {name: int(mask.sum()) for name, mask in regions.masks().items()}
     image = f"{FOLDER}/{key}/{LABELS_EXR}"
     described = RegionMap(scene_hash=scene.hash, spp=SPP, contact=CONTACT, pixels=pixels, image=image)
-    text = described.model_dump_json(indent=1)
-
-    def write_map(path: Path) -> None:
-        path.write_text(text, encoding="utf-8")
-
-    write_entry(
-        root / FOLDER / key,
-        root / ".scratch",
-        {LABELS_EXR: lambda path: write_exr(path, to_channels(regions)), MAP: write_map},
-    )
+    files: dict[str, Writer | bytes] = {
+        LABELS_EXR: lambda path: write_exr(path, to_channels(regions)),
+        MAP: described.model_dump_json(indent=1).encode(),
+    }
+    write_entry(root / FOLDER / key, root / ".scratch", files)
     return described, regions

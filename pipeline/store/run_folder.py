@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
@@ -29,6 +28,7 @@ from pipeline.schema.manifest import CellEntry, LeftOut, Manifest
 from pipeline.schema.record import Record, ScoreCard
 from pipeline.schema.sweep import Study
 from pipeline.store.lock import locked
+from pipeline.store.npz import from_npz, to_npz
 from pipeline.store.sealed_folder import Writer, damage, write_entry
 from scenes.errors import PenumbraError
 from scenes.files import utf8_name, write_file
@@ -36,15 +36,11 @@ from scenes.files import utf8_name, write_file
 Arrays = Mapping[str, NDArray[Any]]
 M = TypeVar("M", bound=BaseModel)
 
-OWN_HIDDEN = (
-    ".lock",
-    ".scratch",
-    ".manifest.",
-)  # what a run that was killed at its very start may leave
+OWN_HIDDEN = (".lock", ".scratch", ".manifest.")  # left by a run that was killed at its very start
 
 
 class DamagedEntryError(Exception):
-    """An entry of the store is there and not whole; it has to be made again."""
+    """A stored cell or score is damaged, and has to be made again."""
 
 
 @dataclass(frozen=True)
@@ -58,41 +54,30 @@ class Store:
         """Where drafts lie until they are whole."""
         return self.root / ".scratch"
 
-    def image_path(self, key: str) -> Path:
-        """The EXR of a cell."""
-        return self.root / "cells" / key / "image.exr"
-
     def write_cell(self, record: Record, image: Writer, state: Arrays) -> None:
-        """Store a finished cell under `record.key`. image: writes the EXR to the path that it is given.
-        state: the film in float64.
-        """
-        writers: dict[str, Writer] = {
-            "record.json": lambda path: _write_model(path, record),
-            "image.exr": image,
-            "state.npz": lambda path: _write_arrays(path, state),
-        }
-        write_entry(self.root / "cells" / record.key, self.scratch, writers)
+        """Store a finished cell under `record.key`. image: a writer of its EXR. state: its float64 film."""
+        files = {"record.json": _json(record), "image.exr": image, "state.npz": to_npz(state)}
+        write_entry(self.root / "cells" / record.key, self.scratch, files)
 
     def read_cell(self, key: str, verify: bool = True) -> Record | None:
-        """The record of a cell, None if there is none; DamagedEntryError if it is not whole. verify: check
-        every byte, not the record alone.
+        """The record of a cell, or None; DamagedEntryError if it is damaged. verify: check every file's
+        bytes.
         """
         return self._read(self.root / "cells" / key, "record.json", Record, verify)
 
     def read_state(self, key: str) -> dict[str, NDArray[Any]]:
-        """The float64 film of a cell: what `write_cell` was given."""
-        with np.load(self.root / "cells" / key / "state.npz", allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+        """The float64 film of a cell, as `write_cell` stored it."""
+        return from_npz((self.root / "cells" / key / "state.npz").read_bytes())
 
     def write_score(self, key: str, card: ScoreCard, error_map: Writer | None) -> None:
         """Store the scores of a cell, and its error map where there is one."""
-        writers: dict[str, Writer] = {"card.json": lambda path: _write_model(path, card)}
+        files: dict[str, Writer | bytes] = {"card.json": _json(card)}
         if error_map is not None:
-            writers["error.exr"] = error_map
-        write_entry(self.root / "scores" / key, self.scratch, writers)
+            files["error.exr"] = error_map
+        write_entry(self.root / "scores" / key, self.scratch, files)
 
     def read_score(self, key: str, verify: bool = True) -> ScoreCard | None:
-        """The scores under `key`, None if there are none; DamagedEntryError if they are not whole."""
+        """The scores under `key`, or None; DamagedEntryError if they are damaged."""
         return self._read(self.root / "scores" / key, "card.json", ScoreCard, verify)
 
     def _read(self, entry: Path, name: str, model: type[M], verify: bool) -> M | None:
@@ -111,7 +96,7 @@ class Store:
         write_file(self.root / "manifest.json", manifest.model_dump_json(indent=1), durable=True)
 
     def read_manifest(self) -> Manifest:
-        """The manifest; PenumbraError if the folder holds no run or the manifest of another version."""
+        """The manifest; PenumbraError if the folder holds no run, or one of another version."""
         path = self.root / "manifest.json"
         try:
             return Manifest.model_validate_json(path.read_text(encoding="utf-8"))
@@ -126,9 +111,7 @@ class Store:
 
     @contextmanager
     def locked(self) -> Generator[None]:
-        """Keep other runs out of the folder, for as long as this process lives at most; sweeps up drafts that
-        a killed run left.
-        """
+        """Keep other runs out of the folder, and remove the drafts that a killed run left."""
 
         def busy() -> None:
             raise PenumbraError(f"{self.root}: another run is at work in this folder")
@@ -140,9 +123,7 @@ class Store:
 
 
 def create_store(root: Path) -> Store:
-    """The store in folder `root`, made if need be; PenumbraError if it cannot be written or holds something
-    else than a run.
-    """
+    """Open the run folder `root`, or make it; PenumbraError if it is not writable or holds other files."""
     utf8_name(root)
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -213,10 +194,5 @@ def _card(store: Store, entry: CellEntry) -> ScoreCard | None:
         return None
 
 
-def _write_model(path: Path, model: BaseModel) -> None:
-    path.write_text(model.model_dump_json(indent=1), encoding="utf-8")
-
-
-def _write_arrays(path: Path, arrays: Arrays) -> None:
-    with path.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
+def _json(model: BaseModel) -> bytes:
+    return model.model_dump_json(indent=1).encode()

@@ -17,24 +17,25 @@ SEAL = "SHA256SUMS"
 Writer = Callable[[Path], None]
 
 
-def write_entry(final: Path, scratch: Path, writers: Mapping[str, Writer]) -> None:
-    """Make the folder `final` of the files that `writers` write, atomically; an entry already there is
-    replaced.
+def write_entry(final: Path, scratch: Path, files: Mapping[str, Writer | bytes]) -> None:
+    """Make the folder `final` with some files, atomically; a folder that is already there is replaced.
 
-    scratch: a folder on the same file system, for what is half-written. The seal is in `sha256sum -c` format.
+    files: the content of each file by its name, or a function that writes it to the path it is given.
+    scratch: a folder on the same file system, for drafts. The seal is in `sha256sum -c` format.
     """
     draft = scratch / uuid.uuid4().hex
     draft.mkdir(parents=True)
-    for name, write in writers.items():
-        write(draft / name)
-    (draft / SEAL).write_text("".join(f"{hash_file(draft / name)}  {name}\n" for name in writers))
+    for name, content in files.items():
+        if isinstance(content, bytes):
+            (draft / name).write_bytes(content)
+        else:
+            content(draft / name)
+    (draft / SEAL).write_text("".join(f"{hash_file(draft / name)}  {name}\n" for name in files))
     _replace(draft, final, scratch)
 
 
 def _replace(draft: Path, final: Path, scratch: Path) -> None:
-    """Put `draft` in the place of `final`; directories cannot be swapped portably, so an old one steps aside
-    first.
-    """
+    """Rename `draft` to `final`; an old folder is moved aside first, since swapping is not portable."""
     final.parent.mkdir(parents=True, exist_ok=True)
     if final.exists():
         aside = scratch / uuid.uuid4().hex
@@ -44,10 +45,7 @@ def _replace(draft: Path, final: Path, scratch: Path) -> None:
 
 
 def damage(entry: Path) -> str | None:
-    """The damage to an entry, in words: a file that is missing or was altered since it was sealed.
-
-    None: it is whole.
-    """
+    """Describe the first file of a sealed folder that is missing or was altered; None if all are intact."""
     try:
         pairs = [line.partition("  ") for line in (entry / SEAL).read_text(encoding="utf-8").splitlines()]
     except (OSError, UnicodeDecodeError):
@@ -63,5 +61,5 @@ def damage(entry: Path) -> str | None:
 
 
 def sealed(entry: Path) -> list[str]:
-    """The names of the files that an entry was sealed with."""
+    """The names of the files that a folder was sealed with."""
     return [line.partition("  ")[2] for line in (entry / SEAL).read_text(encoding="utf-8").splitlines()]

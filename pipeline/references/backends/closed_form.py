@@ -12,14 +12,10 @@ bound.
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipeline.references.closed_form.film import film_plane
-from pipeline.references.closed_form.image import closed_form_image, radiance_at, to_reference
+from pipeline.references.closed_form.image import PixelImage, closed_form_image, render_reference
 from pipeline.references.closed_form.scene import ClosedFormScene, analyse
 from pipeline.references.closed_form.uniform import (
     UniformScene,
@@ -35,13 +31,10 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
-    require,
 )
 from pipeline.store.keys import imported_code
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-8  # error bound wanted for a pixel, relative to its value or to a hundredth of the mean
 """One gray level of 8 bits is 4e-3: this is far below what any sampled image resolves."""
@@ -70,17 +63,13 @@ class ClosedFormBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        require(self, scene, request.quantity)
-        start = time.perf_counter()
-        parts, film = _parts(scene, request.quantity), film_plane(scene.camera, scene.film)
-        if isinstance(parts, UniformScene):
-            image = uniform_image(parts, film)
-        else:
-            image = closed_form_image(parts, film, TOLERANCE)
-        if progress:
-            progress(1.0)
-        provenance = {"backend": self.name, "version": self.version(), "tolerance": f"{TOLERANCE:g}"}
-        return to_reference(image, scene.film, provenance, start)
+        def draw() -> PixelImage:
+            parts, film = _parts(scene, request.quantity), film_plane(scene.camera, scene.film)
+            if isinstance(parts, UniformScene):
+                return uniform_image(parts, film)
+            return closed_form_image(parts, film, TOLERANCE)
+
+        return render_reference(self, scene, request, progress, TOLERANCE, draw)
 
 
 def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | UniformScene:
@@ -88,12 +77,6 @@ def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | Uni
     if quantity == "ambient-occlusion":
         return open_scene(scene)
     return uniform_scene(scene) if is_uniform(scene) else analyse(scene)
-
-
-def radiance_at_centers(scene: SceneDescription) -> Array:
-    """Exact radiance (h, w, 3) through the pixels' centres; SceneError for a scene without closed form."""
-    film = film_plane(scene.camera, scene.film)
-    return radiance_at(analyse(scene), film, film.centers()).reshape(scene.film.height, scene.film.width, 3)
 
 
 BACKENDS.add("closed-form", ClosedFormBackend())

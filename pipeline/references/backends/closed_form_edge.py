@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 from pipeline.references.closed_form.edge_image import TOLERANCE, edge_image
 from pipeline.references.closed_form.edge_scene import analyse_edge
 from pipeline.references.closed_form.film import film_plane
-from pipeline.references.closed_form.image import to_reference
+from pipeline.references.closed_form.image import PixelImage, render_reference
 from pipeline.references.protocol import (
     BACKENDS,
     Continuation,
@@ -19,7 +18,6 @@ from pipeline.references.protocol import (
     Quantity,
     ReferenceImage,
     ReferenceRequest,
-    require,
 )
 from pipeline.store.keys import imported_code
 from scenes.description.scene import SceneDescription
@@ -50,14 +48,10 @@ class EdgeBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        require(self, scene, request.quantity)
-        start = time.perf_counter()
-        film = film_plane(scene.camera, scene.film)
-        image = edge_image(analyse_edge(scene), film)
-        if progress:
-            progress(1.0)
-        provenance = {"backend": self.name, "version": self.version(), "tolerance": f"{TOLERANCE:g}"}
-        return to_reference(image, scene.film, provenance, start)
+        def draw() -> PixelImage:
+            return edge_image(analyse_edge(scene), film_plane(scene.camera, scene.film))
+
+        return render_reference(self, scene, request, progress, TOLERANCE, draw)
 
 
 BACKENDS.add("closed-form-edge", EdgeBackend())

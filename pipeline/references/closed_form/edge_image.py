@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.closed_form.edge_scene import EdgeScene
-from pipeline.references.closed_form.film import FilmPlane, classify, clip_by_planes, outside_planes
+from pipeline.references.closed_form.film import (
+    FilmPlane,
+    Pieces,
+    classify,
+    in_view,
+    not_behind,
+    patch_silhouette,
+)
 from pipeline.references.closed_form.image import PixelImage
 from pipeline.references.closed_form.patches import Plane
 from pipeline.references.closed_form.quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
@@ -24,16 +31,16 @@ from pipeline.references.closed_form.radiometry import (
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Pieces = list[tuple[Array, Index]]
 
 TOLERANCE = 1e-7  # error bound wanted for a pixel, relative to its value or to a hundredth of the mean
 
 
 def edge_image(scene: EdgeScene, film: FilmPlane) -> PixelImage:
     """Radiance averaged over each pixel, with the bound of its error."""
-    sheet = film.planes(scene.sheet.patch.outline)
-    on_sheet = _in_view(film, sheet)
-    on_floor = _not_behind(film, sheet, _in_view(film, film.planes(scene.floor.patch.outline)))
+    sheet = scene.sheet.patch
+    on_sheet = in_view(film, film.planes(sheet.outline))
+    on_floor = in_view(film, film.planes(scene.floor.patch.outline))
+    on_floor = not_behind(film, patch_silhouette(sheet, film), on_floor)
     for plane in _kinks(scene, film):
         on_floor = _cut(on_floor, plane)
     mean, bound, cells = np.zeros((film.pixels, 3)), np.zeros((film.pixels, 3)), 0
@@ -65,48 +72,14 @@ def floor_points(scene: EdgeScene, film: FilmPlane) -> tuple[Index, Array]:
     sheet, mixed = classify(film, film.planes(scene.sheet.patch.outline))
     floor[mixed] = False
     pixels = np.flatnonzero(floor & ~sheet)
-    return pixels, _project(film, scene.floor_plane, film.centers()[pixels])
+    return pixels, project(film, scene.floor_plane, film.centers()[pixels])
 
 
-def seen_radiance(scene: EdgeScene, film: FilmPlane, points: Array) -> Array:
-    """Exact radiance (n, 3) seen at film points (n, 3)."""
-    total, free = np.zeros_like(points), np.ones(len(points), dtype=np.bool_)
-    for receiver, plane in ((scene.sheet, scene.sheet_plane), (scene.floor, scene.floor_plane)):
-        seen = np.flatnonzero(free & np.all(points @ film.planes(receiver.patch.outline).T > 0, axis=1))
-        e = irradiance(scene, plane, _project(film, plane, points[seen]))
-        total[seen] = e[:, None] * (receiver.reflectance * scene.radiance / np.pi)
-        free[seen] = False
-    return total
-
-
-def _project(film: FilmPlane, plane: Plane, points: Array) -> Array:
+def project(film: FilmPlane, plane: Plane, points: Array) -> Array:
     """World points (n, 3) of a plane that film points (n, 3) show."""
     d = points @ film.to_world.T
     t = -float(plane.height(film.eye)) / (d @ plane.normal)
     return film.eye + t[:, None] * d
-
-
-def _in_view(film: FilmPlane, planes: Array) -> Pieces:
-    """The pixels cut by a convex outline's planes."""
-    whole, mixed = classify(film, planes)
-    inside = np.flatnonzero(whole)
-    cut = clip_by_planes(film.squares(mixed), np.broadcast_to(planes, (mixed.size, *planes.shape)))
-    return [(film.squares(inside), inside), (cut, mixed)]
-
-
-def _not_behind(film: FilmPlane, planes: Array, pieces: Pieces) -> Pieces:
-    """The pieces without what lies inside all planes (m, 3)."""
-    covered, mixed = classify(film, planes)
-    cut = np.zeros(film.pixels, dtype=np.bool_)
-    cut[mixed] = True
-    rest: Pieces = []
-    for polygons, pixel in pieces:
-        clear, some = ~covered[pixel] & ~cut[pixel], np.flatnonzero(cut[pixel])
-        rest.append((polygons[clear], pixel[clear]))
-        rest += outside_planes(
-            polygons[some], pixel[some], np.broadcast_to(planes, (some.size, *planes.shape))
-        )
-    return rest
 
 
 def _kinks(scene: EdgeScene, film: FilmPlane) -> Array:
@@ -137,22 +110,18 @@ def _cut(pieces: Pieces, plane: Array) -> Pieces:
 
 def _light(scene: EdgeScene, film: FilmPlane, pieces: Pieces, plane: Plane) -> Totals:
     """Integrals over the film of the irradiance per unit radiance, (pixels,)."""
-    parts = [trapezoids(polygons[..., :2], pixel) for polygons, pixel in pieces if pixel.size]
-    shape = np.concatenate([np.zeros((6, 0)), *(part.shape for part in parts)], axis=1)
-    cells = Cells(shape, np.concatenate([np.zeros(0, dtype=np.int64), *(part.owner for part in parts)]))
+    cells = Cells.joined(*(trapezoids(polygons[..., :2], pixel) for polygons, pixel in pieces if pixel.size))
 
     def value(x: Array, y: Array) -> Array:
         points = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
-        return irradiance(scene, plane, _project(film, plane, points)).reshape(x.shape)
+        return irradiance(scene, plane, project(film, plane, points)).reshape(x.shape)
 
     middle = np.array([0.5])
     rough = sums(cells.owner, value(*cells.at(middle, middle))[:, 0] * cells.area, film.pixels)
-    lit = rough[rough > 0]
-    scale = np.maximum(rough, 0.01 * lit.mean() if lit.size else 1.0)
     # `analyse_edge` keeps the light far away: no cell is near a singularity.
     everywhere = Integrand(
         value,
         lambda part: np.full(part.owner.size, np.pi),
         lambda part: (np.zeros(part.owner.size), np.zeros(part.owner.size)),
     )
-    return integrate(cells, everywhere, scale, TOLERANCE)
+    return integrate(cells, everywhere, rough, TOLERANCE)

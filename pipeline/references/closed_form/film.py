@@ -28,6 +28,7 @@ from scenes.description.scene import Camera, Film
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Pieces = list[tuple[Array, Index]]  # film polygons (n, v, 3) and the pixels (n,) that they lie in
 
 ARC_PIECES = 4
 MIN_ARCS = 64  # where the outline crosses no grid line at all
@@ -139,18 +140,43 @@ class Silhouette:
 
 def silhouette(scene: ClosedFormScene, film: FilmPlane) -> Silhouette:
     """Where the light is on the film."""
-    nothing = Arcs(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), None)
     if isinstance(scene.light, Patch):
-        planes = film.planes(scene.light.outline)
-        covered, mixed = classify(film, planes)
-        return Silhouette(covered, mixed, np.broadcast_to(planes, (mixed.size, *planes.shape)), nothing)
+        return patch_silhouette(scene.light, film)
     arcs = _arcs(film, _cone(scene, film))
     if arcs.cone is None:
-        return Silhouette(np.zeros(film.pixels, dtype=bool), nothing.pixel, np.zeros((0, 0, 3)), nothing)
+        return Silhouette(np.zeros(film.pixels, dtype=bool), arcs.pixel, np.zeros((0, 0, 3)), arcs)
     mixed, planes = _own_chords(film, arcs)
     covered = _inside_cone(film, arcs.cone, film.centers())
     covered[mixed] = False
     return Silhouette(covered, mixed, planes, arcs)
+
+
+def patch_silhouette(patch: Patch, film: FilmPlane) -> Silhouette:
+    """The pixels that a patch covers, and the planes through its edges."""
+    planes = film.planes(patch.outline)
+    covered, mixed = classify(film, planes)
+    return Silhouette(covered, mixed, np.broadcast_to(planes, (mixed.size, *planes.shape)), _arcs(film, None))
+
+
+def in_view(film: FilmPlane, planes: Array) -> Pieces:
+    """The pixels cut by a convex outline's planes (m, 3)."""
+    whole, mixed = classify(film, planes)
+    inside = np.flatnonzero(whole)
+    cut = clip_by_planes(film.squares(mixed), np.broadcast_to(planes, (mixed.size, *planes.shape)))
+    left = np.flatnonzero(areas(cut) > 0)  # an empty polygon has corners that are nowhere on the plane
+    return [(film.squares(inside), inside), (cut[left], mixed[left])]
+
+
+def not_behind(film: FilmPlane, outline: Silhouette, pieces: Pieces) -> Pieces:
+    """The pieces without the parts that lie inside the silhouette."""
+    place = np.full(film.pixels, -1)
+    place[outline.mixed] = np.arange(outline.mixed.size)
+    rest: Pieces = []
+    for polygons, pixel in pieces:
+        clear, mixed = ~outline.covered[pixel] & (place[pixel] < 0), np.flatnonzero(place[pixel] >= 0)
+        rest.append((polygons[clear], pixel[clear]))
+        rest += outside_planes(polygons[mixed], pixel[mixed], outline.planes[place[pixel[mixed]]])
+    return rest
 
 
 def classify(film: FilmPlane, planes: Array) -> tuple[NDArray[np.bool_], Index]:
@@ -170,12 +196,12 @@ def clip_by_planes(polygons: Array, planes: Array) -> Array:
     return polygons
 
 
-def outside_planes(polygons: Array, owner: Index, planes: Array) -> list[tuple[Array, Index]]:
+def outside_planes(polygons: Array, owner: Index, planes: Array) -> Pieces:
     """Convex pieces of polygons (n, v, 3) outside at least one of their planes (n, k, 3), with their owners.
 
     The k-th piece is inside the planes before the k-th and outside of it, so that the pieces do not overlap.
     """
-    pieces: list[tuple[Array, Index]] = []
+    pieces: Pieces = []
     for k in range(planes.shape[1]):
         beyond, count = _cut(polygons, -planes[:, k])
         pieces.append((beyond[count > 2], owner[count > 2]))

@@ -7,6 +7,7 @@ receiver times pixels plus pixel, so that one quadrature serves receivers of any
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,24 +16,29 @@ from numpy.typing import NDArray
 from pipeline.references.closed_form.emitters import own_plane
 from pipeline.references.closed_form.film import (
     FilmPlane,
+    Pieces,
     Silhouette,
     areas,
-    classify,
     clip_by_planes,
+    in_view,
     inside_light,
-    outside_planes,
+    not_behind,
     silhouette,
 )
 from pipeline.references.closed_form.floor import Floor, front_plane, make_floor
 from pipeline.references.closed_form.quadrature import Cells, Integrand, Totals, integrate, sums, trapezoids
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from pipeline.references.closed_form.scene import ClosedFormScene
-from pipeline.references.protocol import ReferenceImage
-from scenes.description.scene import Film
+from pipeline.references.protocol import (
+    Progress,
+    ReferenceBackend,
+    ReferenceImage,
+    ReferenceRequest,
+    require,
+)
+from scenes.description.scene import SceneDescription
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Pieces = list[tuple[Array, Index]]
 
 _ARC_RULES = tuple(np.polynomial.legendre.leggauss(order) for order in (5, 3))
 
@@ -49,20 +55,35 @@ class PixelImage:
     cells: int
 
 
-def to_reference(image: PixelImage, film: Film, provenance: dict[str, str], start: float) -> ReferenceImage:
-    """The reference that an image makes: no samples, the bound's square as variance.
+def render_reference(
+    backend: ReferenceBackend,
+    scene: SceneDescription,
+    request: ReferenceRequest,
+    progress: Progress | None,
+    tolerance: float,
+    draw: Callable[[], PixelImage],
+) -> ReferenceImage:
+    """Draw a closed-form image as a reference; its variance is the square of its error bound.
 
-    start: by time.perf_counter().
+    PenumbraError if the backend refuses the scene.
     """
-    shape = (film.height, film.width, 3)
-    known = {
+    require(backend, scene, request.quantity)
+    start = time.perf_counter()
+    image = draw()
+    if progress:
+        progress(1.0)
+    shape = (scene.film.height, scene.film.width, 3)
+    provenance = {
+        "backend": backend.name,
+        "version": backend.version(),
+        "tolerance": f"{tolerance:g}",
         "variance": "square of the quadrature's error bound",
         "largest_bound": f"{image.bound.max():.3g}",
         "cells": str(image.cells),
     }
     seconds = time.perf_counter() - start
     return ReferenceImage(
-        image.mean.reshape(shape), image.bound.reshape(shape) ** 2, 0, 0, seconds, provenance | known
+        image.mean.reshape(shape), image.bound.reshape(shape) ** 2, 0, 0, seconds, provenance
     )
 
 
@@ -114,41 +135,12 @@ def _floor_light(
     """Integrals over the film of the irradiance per unit radiance, (owners,)."""
     pieces: Pieces = []
     for number, receiver in enumerate(scene.receivers):
-        seen = _in_view(film, film.planes(receiver.patch.outline))
-        for polygons, pixel in _lit(scene, film, _not_behind(film, outline, seen)):
+        seen = in_view(film, film.planes(receiver.patch.outline))
+        for polygons, pixel in _lit(scene, film, not_behind(film, outline, seen)):
             pieces.append((floor.coordinates(polygons), pixel + number * film.pixels))
-    cells = _all_cells([trapezoids(*piece) for piece in pieces if piece[1].size])
+    cells = Cells.joined(*(trapezoids(*piece) for piece in pieces if piece[1].size))
     rough = sums(cells.owner, floor.roughly(cells), len(scene.receivers) * film.pixels)
-    lit = rough[rough > 0]
-    scale = np.maximum(rough, 0.01 * lit.mean() if lit.size else 1.0)
-    return integrate(cells, Integrand(floor.value, floor.most, floor.resolved), scale, tolerance)
-
-
-def _all_cells(parts: list[Cells]) -> Cells:
-    shape = [np.zeros((6, 0)), *(part.shape for part in parts)]
-    owner = [np.zeros(0, dtype=np.int64), *(part.owner for part in parts)]
-    return Cells(np.concatenate(shape, axis=1), np.concatenate(owner))
-
-
-def _in_view(film: FilmPlane, planes: Array) -> Pieces:
-    """The pixels cut by a convex outline's planes."""
-    whole, mixed = classify(film, planes)
-    inside = np.flatnonzero(whole)
-    cut = clip_by_planes(film.squares(mixed), np.broadcast_to(planes, (mixed.size, *planes.shape)))
-    left = np.flatnonzero(areas(cut) > 0)  # what is empty has corners that are nowhere on the plane
-    return [(film.squares(inside), inside), (cut[left], mixed[left])]
-
-
-def _not_behind(film: FilmPlane, outline: Silhouette, pieces: Pieces) -> Pieces:
-    """The pieces without what the light covers."""
-    place = np.full(film.pixels, -1)
-    place[outline.mixed] = np.arange(outline.mixed.size)
-    rest: Pieces = []
-    for polygons, pixel in pieces:
-        clear, mixed = ~outline.covered[pixel] & (place[pixel] < 0), np.flatnonzero(place[pixel] >= 0)
-        rest.append((polygons[clear], pixel[clear]))
-        rest += outside_planes(polygons[mixed], pixel[mixed], outline.planes[place[pixel[mixed]]])
-    return rest
+    return integrate(cells, Integrand(floor.value, floor.most, floor.resolved), rough, tolerance)
 
 
 def _lit(scene: ClosedFormScene, film: FilmPlane, pieces: Pieces) -> Pieces:

@@ -48,7 +48,16 @@ class Cells:
     shape: Array
     owner: Index
 
-    def __getitem__(self, rows: Index | NDArray[np.bool_]) -> Cells:
+    @classmethod
+    def joined(cls, *parts: Cells) -> Cells:
+        """All cells of all parts; none of no parts."""
+        shape, owner = np.zeros((6, 0)), np.zeros(0, dtype=np.int64)
+        return cls(
+            np.concatenate([shape, *(part.shape for part in parts)], axis=1),
+            np.concatenate([owner, *(part.owner for part in parts)]),
+        )
+
+    def __getitem__(self, rows: Index | NDArray[np.bool_] | slice) -> Cells:
         return Cells(self.shape[:, rows], self.owner[rows])
 
     @property
@@ -70,7 +79,7 @@ class Cells:
         m0, m1 = (l0 + r0) / 2, (l1 + r1) / 2
         one = np.where(along, (x0, x, l0, left, r0, right), (x0, x1, l0, l1, m0, m1))
         two = np.where(along, (x, x1, left, l1, right, r1), (x0, x1, m0, m1, r0, r1))
-        return Cells(np.concatenate((one, two), axis=1), np.concatenate((self.owner, self.owner)))
+        return Cells.joined(Cells(one, self.owner), Cells(two, self.owner))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +131,14 @@ def sums(owner: Index, values: Array, owners: int) -> Array:
     return np.bincount(owner, values, owners).astype(np.float64)
 
 
-def integrate(cells: Cells, f: Integrand, scale: Array, tolerance: float) -> Totals:
-    """Integrate f over each owner's cells until the error bound is about `tolerance` times the scale.
+def integrate(cells: Cells, f: Integrand, rough: Array, tolerance: float) -> Totals:
+    """Integrate f over each owner's cells until the error bound is about `tolerance` of the integral.
 
-    scale: (owners,), the size of integral that matters. A cell is accepted below 1/16 of its owner's
-    tolerance.
+    rough: (owners,), estimates of the integrals. Those below a hundredth of the mean of the positive ones are
+    integrated to `tolerance` times that hundredth. A cell is accepted below 1/16 of its owner's tolerance.
     """
+    lit = rough[rough > 0]
+    scale = np.maximum(rough, 0.01 * lit.mean() if lit.size else 1.0)
     value, bound, evaluated = np.zeros_like(scale), np.zeros_like(scale), 0
     budget = tolerance * scale / 16
     for turn in range(ROUNDS):
@@ -145,15 +156,11 @@ def integrate(cells: Cells, f: Integrand, scale: Array, tolerance: float) -> Tot
         value += sums(cells.owner[rows[done]], q[done], scale.size)
         bound += sums(cells.owner[rows[done]], error[done], scale.size)
         again = rows[~done]
-        cells = _join(
+        cells = Cells.joined(
             cells[halve].halves((along > across)[halve]),
             cells[again].halves((e_along > e_across)[~done]),
         )
     return Totals(value, bound, evaluated)
-
-
-def _join(a: Cells, b: Cells) -> Cells:
-    return Cells(np.concatenate((a.shape, b.shape), axis=1), np.concatenate((a.owner, b.owner)))
 
 
 def _evaluate(cells: Cells, f: Integrand) -> tuple[Array, Array, Array]:
@@ -161,7 +168,7 @@ def _evaluate(cells: Cells, f: Integrand) -> tuple[Array, Array, Array]:
     u, v = (grid.ravel() for grid in np.meshgrid(_X, _X, indexing="ij"))
     results = [np.zeros((3, 0))]
     for start in range(0, cells.owner.size, CHUNK):
-        part = Cells(cells.shape[:, start : start + CHUNK], cells.owner[start : start + CHUNK])
+        part = cells[start : start + CHUNK]
         x, s = part.at(u, v)
         x0, x1, l0, l1, r0, r1 = part.shape[..., None]
         weighted = f.value(x, s) * (x1 - x0) * ((r0 - l0) * (1 - u) + (r1 - l1) * u)

@@ -1,6 +1,4 @@
-"""pbrt's pixel filters for Mitsuba: where in and around its pixel a sample lies, by equal steps of
-probability.
-"""
+"""pbrt's pixel filters for Mitsuba, as tables of sample offsets at equal steps of probability."""
 
 from __future__ import annotations
 

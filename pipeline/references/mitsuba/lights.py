@@ -30,10 +30,10 @@ MITSUBA_AXES = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def lights(given: Sequence[Light], frame: Frame) -> tuple[list[Plugin], dict[str, str]]:
-    """The lights in normalised coordinates, and notes on how exact they are; SceneError where one has no
-    counterpart.
+    """The lights as Mitsuba's plug-ins in normalised coordinates, and notes on how exact they are.
 
-    Radiance and irradiance do not depend on the scale of a scene; intensity grows with its square.
+    SceneError for a light that Mitsuba cannot have. Radiance and irradiance do not depend on the scale of a
+    scene; intensity grows with its square.
     """
     surroundings, notes = _environment(environments(given))
     others = (light for light in given if not isinstance(light, Environment))
@@ -59,7 +59,9 @@ def _(light: DistantLight, frame: Frame) -> Plugin:
 
 
 def _environment(given: tuple[Environment, ...]) -> tuple[list[Plugin], dict[str, str]]:
-    """Mitsuba has one at most. Constants are added up as they are; anything else becomes one image."""
+    """One emitter for all environments, as Mitsuba has no more: constants are added, others become an
+    image.
+    """
     given = tuple(one for one in given if one.radiance.any() and (one.image is None or one.image.any()))
     if not given:
         return [], {}
@@ -135,8 +137,9 @@ def _(light: ProjectionLight, frame: Frame) -> Plugin:
 
 
 def falloff(light: SpotLight) -> Array:
-    """pbrt's falloff over the square around the cone, (n, n, 1): as coarse as FALLOFF_ERROR allows,
-    SceneError if that is too fine.
+    """pbrt's falloff over the square around the cone, (n, n, 1), as coarse as FALLOFF_ERROR allows.
+
+    SceneError if that needs more than MOST_FALLOFF texels a side.
 
     Linear interpolation errs by at most the second derivative times the squared step over 8; the steepest
     bend is along the radius.
@@ -155,9 +158,7 @@ def falloff(light: SpotLight) -> Array:
 
 
 def _falloff_at(light: SpotLight, radius: Array) -> Array:
-    """At distances from the axis in units of the cone's radius: the smoothstep of the cosine [pharr2023,
-    12.2.1].
-    """
+    """pbrt's smoothstep of the cosine [pharr2023, 12.2.1]; radius: off the axis, in units of the cone's."""
     cosine = 1 / np.sqrt(1 + (radius * np.tan(np.radians(light.cone))) ** 2)
     edge, start = np.cos(np.radians([light.cone, light.falloff_start]))
     x = np.clip((cosine - edge) / (start - edge), 0.0, 1.0)

@@ -23,15 +23,22 @@ RIM = 64  # points on a disk's rim
 
 
 def reason(scene: SceneDescription) -> str | None:
-    """Why `scene` is out of Mitsuba's reach, in one sentence, or None; SceneError where it cannot be
-    converted at all.
+    """Say in one sentence why Mitsuba renders a scene wrong; None if it does not.
+
+    SceneError if the scene cannot be converted at all.
     """
     if why := unlit(scene):
         return why
     if why := ambiguous(scene.shapes):
         return why
     convert(scene)
-    return _overlooked_gap(scene) or _overlooked_shade(scene)
+    frame = normalising_frame(scene)
+    proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
+    for light in _lights(scene, proxies, frame):
+        others = [proxy for shape, proxy in proxies if shape is not light.shape]
+        if why := _overlooked_gap(light, others, frame) or _overlooked_shade(light, others, frame):
+            return f"a light{f' ({light.where})' if light.where else ''} is {why}"
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +55,9 @@ class _Proxy:
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """A light that has a place. shape: its own, which it may touch; moved: how far its conversion moves it,
-    in normalised coordinates.
+    """A light that has a place.
+
+    shape: its own, which it may touch. moved: how far conversion moves it, in normalised coordinates.
     """
 
     proxy: _Proxy
@@ -58,47 +66,32 @@ class _Light:
     moved: float = 0.0
 
 
-def _overlooked_gap(scene: SceneDescription) -> str | None:
-    """A light nearer to another shape than a ray starts off it: measured, Mitsuba then reads 0 where the
-    truth is 0.5.
+def _overlooked_gap(light: _Light, others: list[_Proxy], frame: Frame) -> str | None:
+    """Whether a shape is nearer to the light than Mitsuba's rays start off it.
+
+    Measured, Mitsuba then reads 0 where the truth is 0.5.
     """
-    frame = normalising_frame(scene)
-    proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
-    for light in _lights(scene, proxies, frame):
-        low, high = light.proxy.box()
-        lift = RAY_LIFT * (1.0 + float(np.abs(np.stack([low, high])).max())) + light.moved
-        for other, far in proxies:
-            gap = (
-                _gap(light.proxy, _within(far, low - lift, high + lift))
-                if other is not light.shape
-                else np.inf
-            )
-            if gap < lift:
-                where = f" ({light.where})" if light.where else ""
-                return (
-                    f"a light{where} is {gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "  # noqa: E501
-                    f"{lift / frame.scale:.2g} off a surface and overlook it"
-                )
-    return None
+    low, high = light.proxy.box()
+    lift = RAY_LIFT * (1.0 + float(np.abs(np.stack([low, high])).max())) + light.moved
+    gap = min((_gap(light.proxy, _within(one, low - lift, high + lift)) for one in others), default=np.inf)
+    if gap >= lift:
+        return None
+    return (
+        f"{gap / frame.scale:.2g} from other geometry, where Mitsuba's rays start "
+        f"{lift / frame.scale:.2g} off a surface and overlook it"
+    )
 
 
-def _overlooked_shade(scene: SceneDescription) -> str | None:
-    """Something that shades, so near to a light that shadow rays end before it."""
-    frame = normalising_frame(scene)
-    proxies = [(shape, _proxy(shape.geometry, frame)) for shape in scene.shapes]
-    for light in _lights(scene, proxies, frame):
-        others = [proxy for shape, proxy in proxies if shape is not light.shape]
-        if not others:
-            continue
-        points = np.concatenate([proxy.points for proxy in others])
-        distance = overlooked(light.proxy.points, [proxy.triangles for proxy in others], points)
-        if distance is not None:
-            where = f" ({light.where})" if light.where else ""
-            return (
-                f"a light{where} is {distance / frame.scale:.2g} from a surface that shades, where Mitsuba's shadow rays "  # noqa: E501
-                f"have ended already: {EARLY:g} of their length before the light"
-            )
-    return None
+def _overlooked_shade(light: _Light, others: list[_Proxy], frame: Frame) -> str | None:
+    """Whether a surface that shades is so near to the light that shadow rays end before it."""
+    points = np.concatenate([np.zeros((0, 3)), *(proxy.points for proxy in others)])
+    distance = overlooked(light.proxy.points, [proxy.triangles for proxy in others], points)
+    if distance is None:
+        return None
+    return (
+        f"{distance / frame.scale:.2g} from a surface that shades, where Mitsuba's shadow rays "
+        f"have ended already: {EARLY:g} of their length before the light"
+    )
 
 
 def _lights(
@@ -123,7 +116,7 @@ def _proxy(geometry: Geometry, frame: Frame) -> _Proxy:
 
 
 def _within(proxy: _Proxy, low: Array, high: Array) -> _Proxy:
-    """The part of `proxy` whose bounding boxes touch the box: all that can be near."""
+    """The points and triangles of `proxy` whose bounding boxes touch the box from `low` to `high`."""
     touching = np.all((proxy.triangles.min(axis=1) <= high) & (proxy.triangles.max(axis=1) >= low), axis=1)
     near = np.all((proxy.points - proxy.radius <= high) & (proxy.points + proxy.radius >= low), axis=1)
     return _Proxy(proxy.points[near], proxy.triangles[touching], proxy.radius)

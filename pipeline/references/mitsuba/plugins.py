@@ -1,15 +1,14 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
-"""Plugins for what Mitsuba lacks of pbrt-v4: its rough metal and its pixel filters. Given mitsuba,
-never importing it.
+"""Plug-ins for pbrt's rough metal, rough glass and pixel filters, which Mitsuba lacks.
 
-- Mitsuba's `roughconductor` takes Smith's shadowing and masking as independent, G = G1(wi) G1(wo); pbrt's are
-correlated by height,
-  G = 1 / (1 + Lambda(wi) + Lambda(wo)) [pharr2023]. At roughness 0.5, 60 and 70 degrees off the normal, that
-  is 3.6 % of the value.
+- Mitsuba's rough surfaces take Smith's shadowing and masking as independent, G = G1(wi) G1(wo); pbrt's are
+  correlated by height, G = 1 / (1 + Lambda(wi) + Lambda(wo)) [pharr2023]. At roughness 0.5, 60 and 70 degrees
+  off the normal, that is 3.6 % of the value.
 - Mitsuba splats samples into neighbouring pixels, and its gaussian ends at four standard deviations, not
-where the file says. pbrt
-  draws each sample's place from the filter and keeps it in its pixel [pharr2023]: pixels stay independent, so
-  that their variances may be added up.
+  where the file says. pbrt draws each sample's place from the filter and keeps it in its pixel [pharr2023]:
+  pixels stay independent, so that their variances may be added up.
+
+The module is handed mitsuba and drjit, and never imports them.
 """
 
 from __future__ import annotations
@@ -23,12 +22,10 @@ Array = NDArray[np.float64]
 
 
 def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None, film: Array | None = None) -> None:
-    """Make the plugins known to the variant that is set. pixel_filter: offsets in x and in y as in
-    MitsubaScene.
-    """
-    conductor = _conductor(mi, dr)  # classes cannot be written before a variant is set
+    """Register the plug-ins with the current variant. pixel_filter, film: as in MitsubaScene."""
+    base = _microfacets(mi)  # classes cannot be written before a variant is set
+    conductor, dielectric = _conductor(mi, dr, base), _dielectric(mi, dr, base)
     mi.register_bsdf("penumbra_conductor", lambda props: conductor(props))
-    dielectric = _dielectric(mi, dr)
     mi.register_bsdf("penumbra_dielectric", lambda props: dielectric(props))
     if pixel_filter is not None:
         filtered = _filtered(mi, dr, pixel_filter, film)
@@ -38,8 +35,9 @@ def register(mi: Any, dr: Any, pixel_filter: tuple[Array, Array] | None, film: A
 def _metal(
     mi: Any, dr: Any, spread: Any, indices: list[tuple[float, float]], wi: Any, wo: Any
 ) -> tuple[Any, Any]:
-    """BRDF times cosine, and the density of wo, for directions above the surface. spread: the distribution of
-    normals.
+    """BRDF times cosine, and the density of wo, for directions above the surface.
+
+    spread: the distribution of normals. indices: eta and k of each channel.
     """
     h = dr.normalize(wi + wo)
     g_in, g_out = spread.smith_g1(wi, h), spread.smith_g1(wo, h)
@@ -51,13 +49,29 @@ def _metal(
     return mi.Color3f(*fresnel) * (shared * g), shared * g_in
 
 
-def _conductor(mi: Any, dr: Any) -> Any:
-    class Conductor(mi.BSDF):
-        """GGX microfacets with height-correlated Smith shadowing, the same on both sides."""
+def _microfacets(mi: Any) -> Any:
+    class Microfacets(mi.BSDF):
+        """A GGX surface; its subclasses give value and density together by `eval_pdf`."""
 
         def __init__(self, props: Any) -> None:
             mi.BSDF.__init__(self, props)
             self.spread = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, props["alpha"], True)
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.eval_pdf(ctx, si, wo, active)[0]
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.eval_pdf(ctx, si, wo, active)[1]
+
+    return Microfacets
+
+
+def _conductor(mi: Any, dr: Any, base: Any) -> Any:
+    class Conductor(base):
+        """GGX microfacets with height-correlated Smith shadowing, alike on both sides."""
+
+        def __init__(self, props: Any) -> None:
+            base.__init__(self, props)
             self.indices = [(props[f"eta{c}"], props[f"k{c}"]) for c in range(3)]
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
             self.m_components, self.m_flags = [flags], flags
@@ -68,12 +82,6 @@ def _conductor(mi: Any, dr: Any) -> Any:
             up = active & (a.z > 0) & (b.z > 0)
             value, pdf = _metal(mi, dr, self.spread, self.indices, a, b)
             return dr.select(up, value, 0), dr.select(up, pdf, 0)
-
-        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.eval_pdf(ctx, si, wo, active)[0]
-
-        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.eval_pdf(ctx, si, wo, active)[1]
 
         def sample(
             self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
@@ -90,16 +98,15 @@ def _conductor(mi: Any, dr: Any) -> Any:
     return Conductor
 
 
-def _dielectric(mi: Any, dr: Any) -> Any:
+def _dielectric(mi: Any, dr: Any, base: Any) -> Any:
     flags = mi.BSDFFlags
     both_sides = flags.FrontSide | flags.BackSide | flags.NonSymmetric
 
-    class Dielectric(mi.BSDF):
+    class Dielectric(base):
         """A rough boundary of GGX microfacets with height-correlated Smith shadowing."""
 
         def __init__(self, props: Any) -> None:
-            mi.BSDF.__init__(self, props)
-            self.spread = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, props["alpha"], True)
+            base.__init__(self, props)
             self.index = props["eta"]
             self.m_components = [flags.GlossyReflection | both_sides, flags.GlossyTransmission | both_sides]
             self.m_flags = self.m_components[0] | self.m_components[1]
@@ -123,12 +130,6 @@ def _dielectric(mi: Any, dr: Any) -> Any:
             pdf = dr.select(seen, spread * g_in * chance * dr.select(mirrored, 1.0, dr.square(eta)), 0)
             return mi.Color3f(value), pdf
 
-        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.eval_pdf(ctx, si, wo, active)[0]
-
-        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.eval_pdf(ctx, si, wo, active)[1]
-
         def sample(
             self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
         ) -> tuple[Any, Any]:
@@ -151,7 +152,7 @@ def _dielectric(mi: Any, dr: Any) -> Any:
 
 
 def _offset(mi: Any, dr: Any, table: Any, steps: int, u: Any) -> Any:
-    """The table between its entries, at u in [0, 1]."""
+    """Interpolate the table, which has `steps` intervals, at u in [0, 1]."""
     at = dr.clip(u, 0, 1) * steps
     i = dr.minimum(mi.UInt32(at), steps - 1)
     # The scalar variant's numbers are Python's own, and have no gather.
@@ -169,7 +170,7 @@ def _filtered(mi: Any, dr: Any, pixel_filter: tuple[Array, Array], film: Array |
     steps = len(pixel_filter[0]) - 1
 
     class Filtered(mi.Sensor):
-        """A camera whose samples lie in their pixel as the filter is, and count for that pixel only."""
+        """A camera that places samples by the pixel filter, each of which counts for its own pixel only."""
 
         def __init__(self, props: Any) -> None:
             mi.Sensor.__init__(self, props)

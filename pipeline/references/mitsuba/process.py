@@ -1,4 +1,4 @@
-"""Run `worker` in a process of its own and take its batches one by one."""
+"""Mitsuba's worker process: start it on a task and yield the batches that it renders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ MOST_LIFT = 0.25  # pixels: the error of a shadow's edge that is accepted
 
 
 def llvm_library() -> str | None:
-    """The path of Dr.Jit's LLVM: DRJIT_LIBLLVM_PATH if set, else of the wheel karellen-llvm-core."""
+    """The path of the LLVM library for Dr.Jit: DRJIT_LIBLLVM_PATH, else that of the wheel
+    karellen-llvm-core.
+    """
     if os.environ.get("DRJIT_LIBLLVM_PATH"):
         return os.environ["DRJIT_LIBLLVM_PATH"]
     try:
@@ -41,10 +43,10 @@ def command(folder: Path) -> list[str]:
 
 
 def run_task(task: Task) -> Generator[Image]:
-    """The batches (h, w, 3) of a task as they are finished; the worker ends with the generator.
+    """Yield the batches (h, w, 3) of a task as they are finished; the worker ends with the generator.
 
-    PenumbraError with the worker's last lines if it fails, and if the rays of this view start too far off its
-    surfaces.
+    PenumbraError with the worker's last lines if it fails, and if rays start too far off the surfaces in
+    view.
     """
     with tempfile.TemporaryDirectory(prefix="penumbra-mitsuba-") as name:
         folder = Path(name)
@@ -66,7 +68,7 @@ def run_task(task: Task) -> Generator[Image]:
 
 
 def _batches(process: subprocess.Popen[str], folder: Path, said: list[str]) -> Generator[Image]:
-    """The images that the worker's lines announce; its other lines go to `said`."""
+    """Yield each image that the worker announces by a line; its other lines go to `said`."""
     assert process.stdout is not None
     for line in process.stdout:
         if line.startswith(BATCH):

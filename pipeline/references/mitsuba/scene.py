@@ -1,16 +1,13 @@
-"""SceneDescription -> what Mitsuba is given: plain dataclasses and NumPy arrays, so that neither side needs
-the other's imports.
+"""A SceneDescription as the plain dataclasses and arrays that Mitsuba's worker builds its scene from.
 
 Three things change on the way, and none of them changes the image:
 - The world is moved towards the lights and scaled by a power of two. Mitsuba computes in float32 and lifts
-rays off a
-  surface by 9e-5 * (1 + max|p|), p in its own units: far from the origin, or in a small scene, that swallows
-  geometry (0.9 % of the light at an offset of 1e5). Radiance does not depend on the scale.
-- The camera is mirrored: pbrt's camera space is left-handed (x to the right), Mitsuba's is right-handed (x to
-the left).
-- What Mitsuba has in another form takes that form: shapes in `mitsuba_shapes`, textures in
-`mitsuba_surfaces`, lights that are no shapes in
-  `mitsuba_lights`, pixel filters in `mitsuba_film`.
+  rays off a surface by 9e-5 * (1 + max|p|), p in its own units: far from the origin, or in a small scene,
+  that swallows geometry (0.9 % of the light at an offset of 1e5). Radiance does not depend on the scale.
+- The camera is mirrored: pbrt's camera space is left-handed (x to the right), Mitsuba's right-handed (x to
+  the left).
+- Shapes, textures, lights and pixel filters take the forms that Mitsuba has (shapes.py, surfaces.py,
+  lights.py, film.py).
 """
 
 from __future__ import annotations
@@ -64,8 +61,8 @@ def _box(parts: list[Array]) -> tuple[Array, Array]:
 
 
 def convert(scene: SceneDescription) -> MitsubaScene:
-    """The scene for Mitsuba; SceneError where its camera, a shape, a material or a light has no counterpart
-    there.
+    """The scene for Mitsuba; SceneError if Mitsuba lacks its camera or one of its shapes, materials or
+    lights.
     """
     frame = normalising_frame(scene)
     sensor, camera, film = _sensor(scene.camera, scene.film, frame)
@@ -78,10 +75,8 @@ def convert(scene: SceneDescription) -> MitsubaScene:
     return MitsubaScene(
         camera_to_world=camera,
         sensor=sensor,
-        clip=(
-            1e-9 * farthest,
-            4.0 * farthest,
-        ),  # pbrt cuts nothing off; measured, the ratio costs no precision
+        # pbrt cuts nothing off; measured, the ratio costs no precision.
+        clip=(1e-9 * farthest, 4.0 * farthest),
         width=scene.film.width,
         height=scene.film.height,
         objects=(*(one for shape in scene.shapes for one in shapes(shape, frame)), *emitters),
@@ -94,8 +89,9 @@ def convert(scene: SceneDescription) -> MitsubaScene:
 
 @singledispatch
 def _sensor(camera: Camera, film: Film, frame: Frame) -> tuple[Plugin, Array, Array | None]:
-    """pbrt's camera as Mitsuba's: its plugin; camera to world, mirrored in x; and the map of the film to
-    Mitsuba's, None where they are the same.
+    """Mitsuba's camera: its plug-in, its camera-to-world matrix, and the map of pbrt's film to Mitsuba's.
+
+    The matrix is mirrored in x. The map is None if both films are the same.
     """
     raise SceneError(f"Mitsuba has no camera for a {type(camera).__name__}")
 
@@ -118,9 +114,10 @@ def _(camera: OrthographicCamera, film: Film, frame: Frame) -> tuple[Plugin, Arr
 
 @_sensor.register
 def _(camera: PerspectiveCamera, film: Film, frame: Frame) -> tuple[Plugin, Array, Array | None]:
-    """Mitsuba's camera is rigid and looks along the middle of its film, unless it has a lens, whose sharp
-    plane lies across pbrt's view. A scale of pbrt's only stretches its rays. SceneError where the film
-    reaches behind that camera.
+    """Mitsuba's camera is rigid and looks through the middle of its film; a map of the film makes up for it.
+
+    With a lens it keeps pbrt's view, which the plane of focus lies across. A scale of pbrt's camera only
+    stretches its rays. SceneError if the film reaches behind Mitsuba's camera.
     """
     axes = camera.camera_to_world[:3, :3]
     lengths = np.linalg.norm(axes, axis=0)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scenes.description.scene import Film
 from scenes.errors import PenumbraError
 
-MOST_CALLS = (
-    2**16
-)  # of one series: all seeds are drawn at once, so that the first do not depend on the number
+# Of one series: all seeds are drawn at once, so that the first do not depend on their number.
+MOST_CALLS = 2**16
 BLOCK = 32 * 32  # the scalar variant counts seeds in blocks of this many pixels
 
 

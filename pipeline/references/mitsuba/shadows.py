@@ -1,7 +1,6 @@
-"""Where Mitsuba's shadow rays end too early: they stop 9e-4 of their length before the light, and overlook
-what stands there.
+"""Surfaces that Mitsuba's shadow rays overlook: the rays end 9e-4 of their length before the light.
 
-Measured: lamps 0.001 above the roof of a closed box light its inside as if there were no roof.
+Measured: lights 0.001 above the roof of a closed box light its inside as if there were no roof.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ ROUNDING = 1e-6  # of the scene: what lies nearer to a plane than that lies in i
 
 
 def overlooked(light: Array, faces: Sequence[Array], points: Array) -> float | None:
-    """How far from a light a face stands that shadow rays overlook though it shades something, or None.
+    """Distance from a light to a face that shades something and that shadow rays overlook; None without one.
 
     light: (m, 3) points of the light. faces: (t, 3, 3) of every other shape. points: (n, 3) of all other
     shapes. A face near the light shades nothing if all points lie on the side of its plane that the light is
-    on, as a ceiling's do around a lamp on it.
+    on, as a ceiling's do around a light on it.
     """
     reach = float(
         np.linalg.norm(points - light.mean(axis=0), axis=1).max(initial=0.0) + np.ptp(light, axis=0).max()

@@ -35,19 +35,18 @@ from scenes.description.shapes import (
 from scenes.description.textures import UVMapping
 from scenes.errors import SceneError
 
-MOST_RECTANGLES = (
-    16  # an emitting mesh of more quadrilaterals becomes one emitter: Mitsuba has one object an emitter
-)
-BACK_TO_BACK = (
-    1e-5  # times 1 + max|p|: 80 float32 roundings, and a ninth of the distance that rays start off a surface
-)
+# An emitting mesh of more quadrilaterals becomes one emitter: Mitsuba has one object an emitter.
+MOST_RECTANGLES = 16
+# Times 1 + max|p|: 80 float32 roundings, and a ninth of the distance that rays start off a surface.
+BACK_TO_BACK = 1e-5
 SWAP = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Normalised coordinates: scale * (p - center). center: (3,) world; scale: a power of two, so that it
-    rounds nothing.
+    """Normalised coordinates, scale * (p - center).
+
+    center: (3,), world space. scale: a power of two, which rounds nothing.
     """
 
     center: Array
@@ -66,7 +65,7 @@ def affine(axes: Array, origin: Array) -> Array:
 
 
 def shapes(shape: ShapeDescription, frame: Frame) -> Iterator[Plugin]:
-    """The shape in normalised coordinates; SceneError where it has no counterpart."""
+    """The shape as Mitsuba's plug-ins in normalised coordinates; SceneError if Mitsuba cannot have it."""
     if shape.has_relief:
         raise SceneError("normal maps and displacements are not handed to Mitsuba", shape.where)
     if shape.alpha is not None:
@@ -82,7 +81,7 @@ def shapes(shape: ShapeDescription, frame: Frame) -> Iterator[Plugin]:
 
 
 def side_shift(geometry: Geometry, frame: Frame) -> float:
-    """How far, in normalised coordinates, each side of a two-sided light is moved the way it shines."""
+    """How far each side of a two-sided light is moved along its normal, in normalised coordinates."""
     return BACK_TO_BACK * (1.0 + float(np.abs(frame.points(geometry.corners)).max()))
 
 
@@ -110,9 +109,8 @@ def _plugin(kind: str, shape: ShapeDescription, to_uv: Array, values: dict[str, 
 def _radiance(emission: Emission, to_uv: Array) -> Array | Plugin:
     if emission.image is None:
         return emission.radiance
-    return bitmap(
-        emission.image * emission.radiance, UVMapping(), "clamp", "bilinear", to_uv
-    )  # as pbrt looks it up
+    image = emission.image * emission.radiance  # looked up as pbrt does
+    return bitmap(image, UVMapping(), "clamp", "bilinear", to_uv)
 
 
 @plugins.register
@@ -142,8 +140,9 @@ def _(geometry: Disk, shape: ShapeDescription, frame: Frame, shift: float) -> It
 
 @plugins.register
 def _(geometry: Quadric, shape: ShapeDescription, frame: Frame, shift: float) -> Iterator[Plugin]:
-    """Triangles, 1.9e-5 of the radius below the surface at most, under the surface's normals; an emitter's
-    under their own, its area 2.5e-5 too small.
+    """Triangles, at most 1.9e-5 of the radius below the surface, with the surface's normals.
+
+    An emitter's have their own normals, and its area is 2.5e-5 too small.
     """
     yield _mesh(shape, geometry.as_mesh(SEGMENTS, smooth=shape.emission is None), frame, shift)
 
@@ -170,9 +169,7 @@ def _(geometry: TriangleMesh, shape: ShapeDescription, frame: Frame, shift: floa
 
 
 def _rectangle(mesh: BilinearMesh, face: Faces, frame: Frame, shift: float) -> tuple[Array, Array]:
-    """The transformation of [-1, 1]^2, normal +z, to a patch with corners p00 p10 p01 p11, and from its uv
-    there to pbrt's.
-    """
+    """The transformation (4, 4) of Mitsuba's square [-1, 1]^2 to a patch, and (3, 3) of its uv to pbrt's."""
     points, uv = frame.points(mesh.vertices[face]), PATCH_UV if mesh.uv is None else mesh.uv[face]
     u, v = (points[1] - points[0]) / 2, (points[2] - points[0]) / 2
     to_uv = affine_uv(uv[1] - uv[0], uv[2] - uv[0], uv[0])
@@ -192,7 +189,7 @@ def affine_uv(u: Array, v: Array, origin: Array) -> Array:
 
 
 def triangles(geometry: Geometry, segments: int) -> tuple[Array, Faces]:
-    """Vertices (m, 3), world space, and faces (t, 3) whose order gives the description's normals."""
+    """Vertices (m, 3) in world space, and faces (t, 3), ordered so as to give the description's normals."""
     made = geometry.triangulated(segments)
     return made.vertices, made.faces[:, ::-1] if made.reverse else made.faces
 

@@ -72,8 +72,9 @@ class MitsubaScene:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One batch of `spp` samples a pixel for each of `seeds`. hide_lights: from the camera; pixels that meet
-    nothing then read 0.
+    """One batch of `spp` samples a pixel for each of `seeds`.
+
+    hide_lights: whether the camera sees no lights; pixels that meet nothing then read 0.
     """
 
     variant: str
@@ -84,7 +85,7 @@ class Task:
 
 
 def batch_file(folder: Path, number: int) -> Path:
-    """Where batch `number` of a task is left, (h, w, 3) float32: Mitsuba's own precision."""
+    """The file of batch `number` of a task, (h, w, 3) in Mitsuba's own float32."""
     return folder / f"{number}.npy"
 
 
@@ -110,9 +111,7 @@ def _render(mi: Any, scene: Any, task: Task, folder: Path) -> None:
 
 
 def _lift(mi: Any, scene: Any, task: MitsubaScene) -> float:
-    """How far rays start off the surfaces in view, in pixels at their distance, at its worst: the image is
-    blind to finer gaps.
-    """
+    """The largest distance that rays start off a surface in view, in pixels: the image misses finer gaps."""
     integrator = mi.load_dict({"type": "aov", "aovs": "p:position,t:depth"})
     x, y, z, depth = np.moveaxis(
         np.array(mi.render(scene, integrator=integrator, spp=1), dtype=np.float64), -1, 0
@@ -169,7 +168,7 @@ def _sensor(mi: Any, scene: MitsubaScene) -> dict[str, Any]:
 
 
 def _value(mi: Any, value: Any) -> Any:
-    """A value of a `Plugin` as mi.load_dict takes it."""
+    """Convert a value of a `Plugin` to the form that mi.load_dict takes."""
     if isinstance(value, Plugin):
         if value.kind == "mesh":
             return _mesh(mi, value)
@@ -184,7 +183,7 @@ def _value(mi: Any, value: Any) -> Any:
 
 
 def _mesh(mi: Any, mesh: Plugin) -> Any:
-    """A mesh; without vertex normals its faces are shaded by their own."""
+    """The mesh as Mitsuba's; without vertex normals each face is shaded by its own."""
     values = dict(mesh.values)
     vertices, faces, uv = values.pop("vertices"), values.pop("faces"), values.pop("uv", None)
     normals = values.pop("normals", None)
@@ -212,8 +211,7 @@ def _mesh(mi: Any, mesh: Plugin) -> Any:
 
 
 if __name__ == "__main__":
-    from pipeline.references.mitsuba import (
-        worker as mitsuba_worker,  # by its name: what is unpickled is of its classes, not of __main__'s
-    )
+    # By the module's name: pickled tasks are of its classes, not of __main__'s.
+    from pipeline.references.mitsuba import worker as mitsuba_worker
 
     mitsuba_worker.main(Path(sys.argv[1]))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.run.job import JobResult, PreparedScene, prepare, run_job
+from pipeline.run.job import JobResult, PreparedScene, run_job
 from pipeline.schema.record import Job, Record
 from pipeline.store.keys import cell_key
 from renderer import fingerprint, image_fingerprint
 from scenes.errors import PenumbraError
+from tests.kit.prepared import prepare
 
 SIZE = {"xresolution": 32.0, "yresolution": 24.0}
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.run.job import prepare, run_job
+from pipeline.run.job import run_job
 from pipeline.schema.manifest import CellEntry, Manifest, StudyEntry
 from pipeline.schema.record import Job, Record, ReferenceInfo, Score, ScoreCard
 from pipeline.schema.sweep import load_sweep
@@ -16,6 +16,7 @@ from pipeline.store.provenance import provenance
 from pipeline.store.run_folder import DamagedEntryError, Store, create_store, load_run
 from pipeline.store.sealed_folder import damage, write_entry
 from scenes.errors import PenumbraError
+from tests.kit.prepared import prepare
 
 JOB = Job(
     scene="touching-light",

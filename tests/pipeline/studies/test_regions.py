@@ -10,12 +10,12 @@ import pytest
 import scenes
 from pipeline.backends import BACKENDS
 from pipeline.references.protocol import ReferenceRequest
-from pipeline.run.job import prepare
 from pipeline.run.region_maps import region_map
 from pipeline.statistics.numerics import box_maximum
 from pipeline.studies.regions import CONTACT, Regions, find_regions, from_channels, to_channels
 from renderer import RenderScene, build
 from renderer.math.vectors import Floats
+from tests.kit.prepared import prepare
 
 SIZE = {"xresolution": 64.0, "yresolution": 48.0}
 HEIGHT, LAMP, LIGHT = 1.2, 3.0, 2.0  # knife-edge's parameters

@@ -12,13 +12,14 @@ import pytest
 import scenes
 from examples.penumbra_width import width_of
 from pipeline.references.backends.closed_form_edge import EdgeBackend
-from pipeline.references.closed_form.edge_image import edge_image, seen_radiance
-from pipeline.references.closed_form.edge_scene import analyse_edge
-from pipeline.references.closed_form.film import film_plane
+from pipeline.references.closed_form.edge_image import edge_image, irradiance, project
+from pipeline.references.closed_form.edge_scene import EdgeScene, analyse_edge
+from pipeline.references.closed_form.film import FilmPlane, film_plane
 from pipeline.references.protocol import BACKENDS, ReferenceRequest
 from renderer import render
 from scenes.description.materials import Diffuse
 from scenes.description.scene import PixelFilter, SceneDescription
+from scenes.description.shapes import Array
 from scenes.errors import PenumbraError, SceneError
 
 pytestmark = pytest.mark.usefixtures("thorough")
@@ -56,6 +57,17 @@ def by_hand(description: SceneDescription, points: np.ndarray) -> np.ndarray:
     d2 = (x[None, :, None] - points[:, :1, None]) ** 2 + (z[:, None, :] - points[:, 2:, None]) ** 2 + lamp**2
     e = np.einsum("nij,i,nj->n", lamp**2 / d2**2, wx, wz)
     return np.multiply.outer(e, floor.material.reflectance * light.emission.radiance / np.pi)
+
+
+def seen_radiance(scene: EdgeScene, film: FilmPlane, points: Array) -> Array:
+    """Exact radiance (n, 3) seen at film points (n, 3)."""
+    total, free = np.zeros_like(points), np.ones(len(points), dtype=np.bool_)
+    for receiver, plane in ((scene.sheet, scene.sheet_plane), (scene.floor, scene.floor_plane)):
+        seen = np.flatnonzero(free & np.all(points @ film.planes(receiver.patch.outline).T > 0, axis=1))
+        e = irradiance(scene, plane, project(film, plane, points[seen]))
+        total[seen] = e[:, None] * (receiver.reflectance * scene.radiance / np.pi)
+        free[seen] = False
+    return total
 
 
 @pytest.mark.parametrize(("name", "parameters"), CASES)
