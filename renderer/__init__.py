@@ -1,6 +1,4 @@
-"""The renderer: direct lighting in NumPy, every textbook estimator, nothing that the scene does not call
-for.
-"""
+"""The renderer: direct lighting in NumPy by every textbook estimator, as far as a scene calls for it."""
 
 from renderer.build import RenderScene, build
 from renderer.fingerprint import fingerprint, image_fingerprint

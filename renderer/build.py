@@ -37,10 +37,10 @@ from scenes.errors import SceneError
 
 @dataclass(frozen=True, eq=False)
 class Sources:
-    """All that sends out light: the shapes that emit, in their order, then the lights that are no shapes.
+    """The scene's sources of light: emitting shapes in their order, then the lights that have no shape.
 
-    shape: (q,) which shape each is, -1 for none. of_shape: (s,) its inverse, -1 for shapes that do not emit.
-    names: (q,).
+    shape: (q,) the shape of each source, -1 for a light without one. of_shape: (s,) the source of each shape,
+    -1 for a shape that does not emit. names: (q,).
     """
 
     all: tuple[Source, ...]
@@ -51,14 +51,14 @@ class Sources:
 
 @dataclass(frozen=True, eq=False)
 class Lights:
-    """K lights in all, numbered kind by kind: a source is one light, or one for each face of a mesh.
+    """K lights, numbered kind by kind. A source is one light, or one light for each face of a mesh.
 
-    source: (K,) what each is part of. pmf, cdf: (K,) the chance of choosing it, every source being equally
-    likely, and the running sum of that. delta: (K,) whether it is never met by chance, since it has no extent
-    or an alpha of 0. primitive, triangle:
-    (K,) the analytic primitive and the triangle that it is, -1 for none; of_primitive, of_triangle: inverses.
-    coincident: None where no two lights are in one place.
-    environment: what surrounds the scene, and the number of its light.
+    source: (K,) the source that each light belongs to. pmf, cdf: (K,) the probability of choosing a light,
+    where all sources are equally likely, and its running sum. delta: (K,) lights that no ray meets by chance:
+    they have no extent, or an alpha of 0. primitive, triangle: (K,) the analytic primitive and the triangle
+    of each light, -1 for none; of_primitive, of_triangle: the light of each primitive and triangle.
+    coincident: None where no two lights share a place. environment: the light that surrounds the scene, and
+    its number.
     """
 
     kinds: tuple[LightGroup, ...]
@@ -79,11 +79,12 @@ class Lights:
 
 @dataclass(frozen=True, eq=False)
 class Coincident:
-    """Lights of which some are in the same place, of K in all: what a ray that meets one of them sees.
+    """Lights that share a place, and the light that a ray sees which meets one of them.
 
-    first: (K,) the first that is where each is. front, back: (3, K) the radiance of all of them together on
-    the side of each one's normal, and behind. by_front, by_back: (K,) one of them that shines there, or the
-    light itself. All of a place are equally likely to be chosen, so that they have one density.
+    first: (K,) the first light in the place of each. front, back: (3, K) the radiance of all lights of that
+    place together, on the side of each light's normal and on the other side. by_front, by_back: (K,) one
+    light of the place that shines to that side, or the light itself. The lights of a place are equally likely
+    to be chosen, so that they share one density.
     """
 
     first: NDArray[np.int64]
@@ -93,8 +94,8 @@ class Coincident:
     by_back: NDArray[np.int64]
 
     def seen(self, light: NDArray[np.int64], cosine: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """A light (n,) that shines along rays which make `cosine` with the normal of the light (n,) that they
-        meet; and the radiance (3, n) of all that do.
+        """The light (n,) that a ray sees where it meets lights (n,) at these cosines, and the radiance (3, n)
+        of all lights in that place. cosine: (n,) of the ray with the normal of the light that it meets.
         """
         front = cosine < 0
         radiance = np.where(front, self.front.take(light, axis=1), self.back.take(light, axis=1))
@@ -103,19 +104,16 @@ class Coincident:
 
 @dataclass(frozen=True, eq=False)
 class RenderScene:
-    """A scene as arrays, of s shapes.
+    """A scene of s shapes as arrays.
 
-    emissive_triangles: the triangles that emit alone; None where none does.
-    emission: (3, s) radiance, 0 for shapes that do not emit. two_sided: (s,). emission_images: images (h, w,
-    3) that shapes multiply their radiance by. coordinates: what textures are laid by; None where nothing
-    varies. shading_normals: None without vertex normals. cutouts, reliefs: None where no
-    shape has an alpha, or a relief.
-    mixtures: None where no shape is of several materials. material_of: (s,) which of the materials each shape
-    has, and after them each row that stands for a material of a mix; -1 for a mix itself. lobes: (s,) the
-    `Lobes` of each. boxes: (s, 3) each, least and greatest coordinates of each shape.
-    contact_epsilon: world units; surfaces nearer than this to each other count as touching. scene_diameter:
-    world units, beyond everything from any point of the scene.
-    seconds_build: wall clock.
+    emissive_triangles: the triangles that emit, None without any. emission: (3, s) radiance, 0 for shapes
+    that do not emit. two_sided: (s,). emission_images: images (h, w, 3) that multiply the radiance of a
+    shape. coordinates: texture coordinates, None where nothing varies. shading_normals: None without vertex
+    normals. cutouts, reliefs, mixtures: None where no shape has an alpha, a relief, or several materials.
+    material_of: (s + r,) the kind of material of each shape, then of the r rows that stand for the materials
+    of mixes; -1 for a mix itself. lobes: (s,). boxes: two arrays (s, 3), least and greatest coordinates of
+    each shape. contact_epsilon: world units; surfaces nearer than this to each other count as touching.
+    scene_diameter: world units, from any point of the scene to beyond all of it. seconds_build: wall clock.
     """
 
     description: SceneDescription
@@ -142,13 +140,13 @@ class RenderScene:
     seconds_build: float
 
     def __len__(self) -> int:
-        """How many shapes there are."""
+        """The number of shapes."""
         return len(self.description.shapes)
 
     @cached_property
     def bounds(self) -> tuple[Bounds, ...]:
-        """The bounds of each shape, worked out where they are asked for: that of thousands costs more than
-        they do.
+        """The bounds of each shape, made on demand: those of thousands of shapes cost more than
+        their arrays.
         """
         return tuple(s.geometry.bounds() for s in self.description.shapes)
 
@@ -159,18 +157,18 @@ class RenderScene:
 
     @property
     def transmits(self) -> NDArray[np.bool_]:
-        """(s,): shapes that let light through."""
+        """(s,): whether a shape lets light through."""
         return (self.lobes & Lobes.TRANSMISSION) != 0
 
     @property
     def smooth(self) -> NDArray[np.bool_]:
-        """(s,): shapes with shading normals of their own."""
+        """(s,): whether a shape has shading normals of its own."""
         shapes = self.description.shapes
         own = [vertex_normals(s.geometry) is not None or s.has_relief for s in shapes]
         return np.array(own, dtype=np.bool_)
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
-        """Each kind of material with the rows (m,) of shape (n,) that are of it."""
+        """Each kind of material, with the rows (m,) of a wavefront whose shapes (n,) are of that kind."""
         own = self.material_of[shape]
         for i, kind in enumerate(self.materials):
             rows = np.flatnonzero(own == i)
@@ -179,9 +177,8 @@ class RenderScene:
 
 
 def build(scene: SceneDescription) -> RenderScene:
-    """Arrays, BVH and lights of a scene.
-
-    Raises SceneError where a shape or a light is beyond this renderer.
+    """Make arrays, BVH and lights of a scene. Raises SceneError for a shape or a light that this renderer
+    does not know.
     """
     start = time.perf_counter()
     shapes = tuple(without_skew(s) for s in scene.shapes)
@@ -226,8 +223,8 @@ def build(scene: SceneDescription) -> RenderScene:
 
 
 def _size(low: Floats, high: Floats, eyes: Floats) -> tuple[float, float]:
-    """The largest coordinate of shapes in boxes from low to high (s, 3) and of eyes (3, m), which the
-    rounding of points scales with; and a length from any point of the scene to beyond all of it.
+    """The scale of rounding errors, which is the largest coordinate of boxes from low to high (s, 3) and of
+    eyes (3, m); and a length that reaches from any point of the scene to beyond all of it.
     """
     least = np.min([*eyes.T, *low], axis=0)
     greatest = np.max([*eyes.T, *high], axis=0)
@@ -292,7 +289,9 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
 
 
 def _coincident(sources: Sources, source: NDArray[np.int64]) -> Coincident | None:
-    """Of lights that are parts of sources (K,); SceneError where one of those in one place has an image."""
+    """The lights, parts of sources (K,), that share a place. Raises SceneError where one of them has an
+    image.
+    """
     shapes = [s for s in sources.all if isinstance(s, ShapeDescription)]
     found = coinciding(shapes)
     if found is None:
@@ -329,13 +328,13 @@ def _coincident(sources: Sources, source: NDArray[np.int64]) -> Coincident | Non
 
 
 def _is_unmet(source: Source) -> bool:
-    """Whether a light is a shape that rays go through everywhere."""
+    """Whether a light is a shape of alpha 0, which every ray goes through."""
     alpha = source.alpha if isinstance(source, ShapeDescription) else None
     return isinstance(alpha, np.ndarray) and not alpha.any()
 
 
 def _environment(kinds: Sequence[LightGroup]) -> tuple[Surroundings, int] | None:
-    """The light that surrounds the scene, one at most, and its number."""
+    """The light that surrounds the scene, and its number."""
     first = 0
     for kind in kinds:
         if isinstance(kind, Surroundings):
@@ -365,7 +364,7 @@ def _primitives(
 
 
 def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """(count,): the position of each number in which (K,), -1 for those that are not in it."""
+    """(count,): the position of each number in `which` (K,), -1 for a number that is not there."""
     out = np.full(count, -1, dtype=np.int64)
     rows = np.flatnonzero(which >= 0)
     out[which[rows]] = rows
@@ -375,7 +374,7 @@ def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 def _materials(
     rows: Sequence[ShapeDescription], mixed: Mixtures | None
 ) -> tuple[tuple[MaterialKind, ...], NDArray[np.int64]]:
-    """The kinds in use, in their order, and which of them each row has, -1 for a mix."""
+    """The kinds of material in use, and the kind of each row by its position among them, -1 for a mix."""
     mixes = {choice.row for choice in mixed.choices} if mixed is not None else frozenset[int]()
     known: dict[int, type[MaterialKind]] = {}  # by material: thousands of shapes share a few
     for i, s in enumerate(rows):

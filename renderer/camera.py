@@ -1,5 +1,5 @@
-"""pbrt's cameras: left-handed space, pixel (0, 0) at the top left, a pinhole, a thin lens, parallel rays or
-rays all around.
+"""pbrt's cameras: perspective, with a thin lens, orthographic and spherical. Space is left-handed; pixel (0,
+0) is at the top left.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from scenes.description.scene import Film, OrthographicCamera, PerspectiveCamera
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """The film point (x, y), in pixels, lies at origin + p with p = corner + x du + y dv.
+    """A camera whose film point (x, y), in pixels, lies at origin + p, where p = corner + x du + y dv.
 
-    origin, corner, du, dv: (3, 1). offsets: from u (2, n) to places (2, n) about a pixel, see `pixel_filter`.
-    forward: (3, 1), along which parallel rays leave the film; None where rays go from the origin through it.
-    lens: (3, 2), two radii of the lens, across and up; None without one. focus: how far the sharp plane is,
-    in distances of the film from the pinhole, or in lengths of `forward`.
+    origin, corner, du, dv: (3, 1). offsets: the pixel filter's map from u (2, n) to places (2, n) about a
+    pixel. forward: (3, 1) the direction of parallel rays, None where all rays go through the origin. lens:
+    (3, 2) two radii of the lens, across and up, None without a lens. focus: distance of the sharp plane, in
+    distances of the film from the pinhole, or in lengths of `forward`.
     """
 
     origin: Floats
@@ -42,14 +42,13 @@ class Camera:
 
     @property
     def dimensions(self) -> int:
-        """How many random numbers a ray takes: two on the film, two more on a lens."""
+        """The number of random numbers that a ray takes: two on the film, two more on a lens."""
         return 2 if self.lens is None else 4
 
     def rays(self, pixel: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats]:
-        """Origins (3, n), or (3, 1) where all are the same, and unit directions (3, n), through points of
-        pixels as the pixel filter has them.
+        """Origins (3, n), or (3, 1) for a common one, and unit directions (3, n) of rays through pixels.
 
-        pixel: (n,) row-major indices. u: (dimensions, n) in [0, 1).
+        pixel: (n,) row-major indices. u: (dimensions, n) in [0, 1); the pixel filter places the film point.
         """
         dx, dy = self.offsets(u[:2])
         x = pixel % self.width + dx
@@ -67,7 +66,9 @@ class Camera:
         return self.origin + p, normalize(np.repeat(self.forward, p.shape[1], axis=1))
 
     def screen(self, x: Floats, y: Floats, distance: float) -> Floats:
-        """Where those rays meet the plane across the view at a distance, in units of `focus`: (3, n)."""
+        """The points (3, n) where rays through film points (n,) meet the plane across the view at `distance`,
+        in units of `focus`.
+        """
         return self.origin + self._ahead(x, y, distance)
 
     def _film(self, x: Floats, y: Floats) -> Floats:
@@ -82,7 +83,7 @@ class Camera:
 
     @cached_property
     def _edges(self) -> tuple[Floats, Floats]:
-        """The corners of the film in pixels, x and y (4,) in turn about it, with the filter's reach."""
+        """The film's corners in pixels, x and y (4,) in turn about it, widened by the filter's reach."""
         low, high = self.offsets(np.zeros((2, 1)))[:, 0], self.offsets(np.ones((2, 1)))[:, 0]
         right, bottom = self.width - 1 + high[0], self.height - 1 + high[1]
         return np.array([low[0], right, right, low[0]]), np.array([low[1], low[1], bottom, bottom])
@@ -96,10 +97,10 @@ class Camera:
 
     @cached_property
     def _sides(self) -> tuple[Floats, Floats]:
-        """Planes about the view: inward normals n (5, m, 3) and limits c (5, m), so that what a ray from eye
-        m meets has n . (p - origin) >= c; four sides, and the plane of the film or the lens.
+        """Planes about the view: inward normals n (5, m, 3) and limits c (5, m). A ray from eye m only meets
+        points p with n . (p - origin) >= c, for four sides and the plane of the film or the lens.
 
-        A volume of four points is affine in each, so that the corners of a lens speak for all of it.
+        A volume of four points is affine in each of them, so that the corners of a lens speak for all of it.
         """
         ahead = np.cross(self.dv[:, 0], self.du[:, 0])
         parallel = self.forward is not None and self.lens is None
@@ -122,12 +123,12 @@ class Camera:
         return normal, np.einsum("sek,sek->se", normal, base)
 
     def sees(self, points: Floats) -> bool:
-        """Whether a convex hull of points (3, m) may be in view, as `sees_each`."""
+        """Whether a convex hull of points (3, m) may be in view; see `sees_each`."""
         return bool(self.sees_each(points[None])[0])
 
     def sees_each(self, points: Floats) -> NDArray[np.bool_]:
-        """(s,) whether convex hulls of points (s, 3, m) may be in view: False only where one lies wholly
-        outside one side of it.
+        """(s,) whether convex hulls of points (s, 3, m) may be in view. False is certain: the hull lies
+        wholly outside one side of the view.
         """
         normal, limit = self._sides
         out = np.ones(len(points), dtype=np.bool_)
@@ -139,10 +140,11 @@ class Camera:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SphericalRays(Camera):
-    """Rays from the origin all around. The film point is a place (u, v, 0) on a map of the sphere.
+    """Rays from one origin in all directions.
 
-    axes: (3, 3, 1), [:, j] of camera space in the world. direction: from places (2, n) to unit vectors (3, n)
-    about z, which camera space has in its y.
+    A film point (u, v) is a place on a map of the sphere. axes: (3, 3, 1), column j is the j-th axis of
+    camera space in the world. direction: the map from places (2, n) to unit vectors (3, n) about z, which is
+    the y of camera space.
     """
 
     axes: Floats
@@ -198,7 +200,7 @@ def _(description: SphericalCamera, film: Film) -> Camera:
 
 
 def _equal_area(place: Floats) -> Floats:
-    """Directions by the map of environments, which a filter may reach beyond."""
+    """Directions by the equal-area map of environments, continued beyond its edges for wide filters."""
     return square_to_sphere(around_edges(place))
 
 
@@ -212,7 +214,7 @@ def _equirectangular(place: Floats) -> Floats:
 def _projective(
     description: PerspectiveCamera | OrthographicCamera, film: Film, middle: Floats, forward: Floats | None
 ) -> Camera:
-    """middle: (3, 1), from the origin to the film."""
+    """A camera with a flat film. middle: (3, 1), from the origin to the film's centre."""
     left, top, dx, dy = description.film_plane(film)
     m, lens = description.camera_to_world, description.lens
     right, up = m[:3, 0:1], m[:3, 1:2]

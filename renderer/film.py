@@ -1,7 +1,7 @@
-"""The film: count, mean, M2 and maximum of each pixel, mergeable, the same bits however the work is cut.
+"""The film: count, mean, M2 and maximum of each pixel, with the same bits however the work is cut.
 
-Samples of a pixel are reduced in fixed blocks of 16 in sample order, and the blocks merged in order with the
-pairwise update of [chan1983]; a pixel's numbers then depend on its own samples and on nothing else.
+Samples of a pixel are reduced in sample order in blocks of 16, and blocks are merged in order by the pairwise
+update of [chan1983]. A pixel's numbers depend on its own samples and on nothing else.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ def luminance(rgb: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Statistics per pixel and channel of the samples so far.
+    """Statistics of the samples of each pixel and channel.
 
-    count: (h, w) int64. mean, m2: (h, w, 3), m2 the sum of squared deviations from the mean.
-    maximum: (h, w, 3), the largest reflected sample; light seen directly is not in it.
+    count: (h, w) int64. mean, m2: (h, w, 3); m2 is the sum of squared deviations from the mean. maximum: (h,
+    w, 3) the largest reflected sample, without light seen directly.
     """
 
     count: NDArray[np.int64]
@@ -37,10 +37,10 @@ class Film:
     maximum: Floats
 
     def variance_of_mean(self) -> Floats:
-        """(h, w, 3) variance of the mean, if samples are independent; NaN below two samples.
+        """(h, w, 3) variance of the mean of independent samples; NaN below two samples.
 
-        Low-discrepancy samples are not independent: for them this is far too large, and replicates must be
-        used.
+        Low-discrepancy samples are not independent. Their variance is far below this figure and needs
+        replicates.
         """
         n = self.count[..., None].astype(np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -48,9 +48,9 @@ class Film:
 
 
 class PixelSums:
-    """Running statistics of some whole pixels, fed a block of samples at a time.
+    """Running statistics of whole pixels, fed a block of samples at a time.
 
-    mean, m2, maximum: (3, p) as in `Film`. reflected: (p,) sum of the luminances of reflected samples.
+    mean, m2, maximum: (3, p) as in `Film`. reflected: (p,) the sum of the luminances of reflected samples.
     """
 
     def __init__(self, pixels: int) -> None:
@@ -79,11 +79,11 @@ class PixelSums:
 
 
 class RatioSums:
-    """As `PixelSums`, for estimators whose pixel is D + A S/U: light seen directly, and three means of
+    """Running statistics for estimators whose pixel is D + A S/U: light seen directly, and three means of
     samples.
 
-    The variance is that of the linearised ratio (the delta method) [owen2013, sec. 2.7], from the covariance
-    of the four; so is m2.
+    The variance and m2 are those of the linearised ratio (the delta method) [owen2013, sec. 2.7], from the
+    covariance of the four.
     """
 
     def __init__(self, pixels: int) -> None:
@@ -112,7 +112,7 @@ class RatioSums:
 
     @property
     def mean(self) -> Floats:
-        """(3, p): D + A S/U, and D alone where not one sample could have found light."""
+        """(3, p): D + A S/U, or D alone where no sample could have found light."""
         direct, _, closed, _ = self._mean
         return direct + closed * self._share
 
@@ -139,7 +139,7 @@ def _quotient(a: Floats, b: Floats) -> Floats:
 
 
 def _sum_samples(block: Floats) -> Floats:
-    """Sum over samples in their order, one ufunc a sample: never `sum`, whose order depends on strides and
+    """Sum over samples in their order by one ufunc a sample. The order of `np.sum` depends on strides and
     shape.
     """
     out = block[:, 0].copy()
@@ -149,7 +149,7 @@ def _sum_samples(block: Floats) -> Floats:
 
 
 def keep_largest(values: Floats, keep: int = TAIL) -> Floats:
-    """The `keep` largest of values (n,), descending; a set that does not depend on how values were cut."""
+    """The `keep` largest of values (n,), descending. The set does not depend on how the values were cut."""
     if values.size > keep:
         values = np.partition(values, values.size - keep)[values.size - keep :]
     return np.sort(values)[::-1]

@@ -1,4 +1,4 @@
-"""The key of the code that makes images, which keeps a cached image from outliving that code."""
+"""Keys of the code that makes images: a cached image is used only while its code is unchanged."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def fingerprint_of(root: Path) -> str:
 
 
 def image_fingerprint(estimator: str, sampler: str) -> str:
-    """SHA-256 over the code that an image by these two depends on: all of `fingerprint` but the other
-    estimators and samplers, and plug-ins of the user's.
+    """SHA-256 over the code that an image by this estimator and sampler depends on: the shared sources, their
+    own modules and plug-ins, but no other estimator or sampler.
 
     PenumbraError where one of the two comes from no file.
     """
@@ -45,7 +45,7 @@ def _shared() -> str:
 
 @cache
 def _plugged(*files: Path) -> str:
-    """Hash of the modules of PLUGGED that these files are or import."""
+    """Hash of those modules of PLUGGED that the files are or import."""
     folders = _folders()
     return hash_code(ROOT, [one for one in imported_files(files, ROOT, PLUGGED) if one.parent in folders], ())
 

@@ -1,8 +1,8 @@
-"""Memory of freed arrays, kept for the next ones.
+"""Freed arrays keep their memory for the next ones.
 
-A wavefront makes and frees some hundred arrays of the same few sizes. glibc hands arrays above its mmap
-threshold back to the system at once, whose pages then have to be cleared and mapped anew: with two threads a
-fifth of the time. Both thresholds adapt, but a thread that starts late finds them low again.
+A wavefront makes and frees some hundred arrays of a few sizes. glibc returns arrays above its mmap threshold
+to the system at once, and their pages are cleared and mapped anew: with two threads a fifth of the time. Both
+thresholds adapt, but a thread that starts late finds them low again.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Pixel filters, sampled: where in and about a pixel its camera rays go, so that all samples weigh the same.
+"""Pixel filters by importance sampling: camera rays spread in and about a pixel as the filter does, and all
+samples weigh the same.
 
-pbrt's filters are products of one function of x and one of y [pharr2023, sec. 8.8], so that each axis is
+pbrt's filters are products of a function of x and a function of y [pharr2023, sec. 8.8], so that each axis is
 inverted alone.
 """
 
@@ -19,8 +20,8 @@ NODES = 4096
 
 
 def offsets(pixel_filter: PixelFilter) -> Callable[[Floats], Floats]:
-    """The map from u (2, n) in [0, 1) to offsets (2, n) in pixels from a pixel's corner, in proportion to the
-    filter.
+    """The map from u (2, n) in [0, 1) to offsets (2, n) in pixels from a pixel's corner, with the filter as
+    density.
     """
     f = pixel_filter
     if f.kind == "box" and f.xradius == f.yradius == 0.5:
@@ -47,8 +48,8 @@ def _tent(radius: float, _: float) -> Callable[[Floats], Floats]:
 
 
 def _gaussian(radius: float, sigma: float) -> Callable[[Floats], Floats]:
-    """Of exp(-x^2 / 2 sigma^2) less its value at the radius, by the integral of that in closed form,
-    tabulated and inverted.
+    """The map for exp(-x^2 / 2 sigma^2) less its value at the radius: its integral in closed form, tabulated
+    and inverted.
     """
     x = np.linspace(-radius, radius, NODES + 1)
     edge = np.exp(-0.5 * (radius / sigma) ** 2)

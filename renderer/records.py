@@ -1,4 +1,4 @@
-"""The records that the stages of the wavefront hand to each other."""
+"""Records that the stages of the wavefront hand on."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ class SurfaceHit:
     """Points on surfaces, seen from outside along wo.
 
     p: (3, n) points. n: (3, n) unit geometric normals on the side of wo. wo: (3, n) unit, leaving the
-    surface. shape: (n,) int64, index into the scene's shapes, -1 for a point that belongs to no shape.
-    triangle, primitive: (n,) int64, the triangle or analytic primitive that the point lies on, -1 for none.
-    uv: (2, n) texture coordinates; (2, 1) zeros in a scene without textures. front: (n,), or (1,) for all,
-    whether wo lies on the side that the surface's orientation calls its outside. tangent: (3, n) dp/du of any
-    length, 0 where the surface has none; (3, 1) zeros in a scene of isotropic materials. shading_n:
-    (3, n) unit shading normals on the side of wo, None where every surface is shaded by its geometric normal.
+    surface. shape: (n,) number of the scene's shape, -1 for none. triangle, primitive: (n,) number of the
+    triangle or analytic primitive, -1 for none. uv: (2, n) texture coordinates; zeros (2, 1) in a scene
+    without textures. front: (n,), or (1,) for all, whether wo lies outside by the surface's orientation.
+    tangent: (3, n) dp/du of any length, 0 for none; zeros (3, 1) in a scene of isotropic materials.
+    shading_n: (3, n) unit shading normals on the side of wo, None in a scene shaded by geometric normals.
     """
 
     p: Floats
@@ -36,11 +35,11 @@ class SurfaceHit:
 
     @property
     def ns(self) -> Floats:
-        """(3, n): the normals that BSDFs and their cosines are about; rays start off surfaces along `n`."""
+        """(3, n): the normals of BSDFs and their cosines. Rays start off surfaces along `n`."""
         return self.n if self.shading_n is None else self.shading_n
 
     def normal_towards(self, wi: Floats) -> Floats:
-        """(3, n): the normals on the side of wi (3, n), which is the other one where light is transmitted."""
+        """(3, n): the geometric normals on the side of wi (3, n), which transmission turns over."""
         return np.where(dot(wi, self.n) < 0, -self.n, self.n)
 
     def take(self, rows: NDArray[np.int64]) -> SurfaceHit:
@@ -61,10 +60,11 @@ class SurfaceHit:
 
 @dataclass(frozen=True, eq=False)
 class BSDFSample:
-    """Directions that surfaces scatter along. wi: (3, n) unit. value: (3, n), f in 1/sr. pdf: (n,) in 1/sr.
+    """Directions that surfaces scatter along.
 
-    specular: (n,), whether the sample follows a delta lobe, None for all False; value |cos| / pdf is then the
-    lobe's share of the light, whatever its parts. A sample of pdf 0 counts as zero.
+    wi: (3, n) unit. value: (3, n) f in 1/sr. pdf: (n,) in 1/sr; a sample of pdf 0 counts as zero. specular:
+    (n,) whether the sample follows a delta lobe, None for nowhere. Only value |cos| / pdf has a meaning
+    there: the lobe's share of the light.
     """
 
     wi: Floats
@@ -75,12 +75,13 @@ class BSDFSample:
 
 @dataclass(frozen=True, eq=False)
 class LightSample:
-    """Directions to light. wi: (3, n) unit. dist: (n,), inf for a light at infinity. normal: (3, n) or (3, 1)
-    unit, the light's, either side; -wi where it has none.
+    """Directions to light.
 
-    radiance: (3, n) or (3, 1), Le towards the reference point; of a light of one direction only, the
-    irradiance on a surface facing it. pdf: (n,) 1/sr; 1 for a light of one direction only. valid: (n,) bool;
-    where it is False the other fields are meaningless and the sample counts as zero.
+    wi: (3, n) unit. dist: (n,), inf for a light at infinity. normal: (3, n) or (3, 1), the light's unit
+    normal, of either side; -wi where it has none. radiance: (3, n) or (3, 1), Le towards the reference point;
+    for a light of a single direction, the irradiance on a surface that faces it. pdf: (n,) 1/sr; 1 for a
+    light of a single direction. valid: (n,) bool; a sample that is not valid counts as zero, and its other
+    fields mean nothing.
     """
 
     wi: Floats
@@ -93,7 +94,7 @@ class LightSample:
 
 @dataclass(frozen=True)
 class RayCounts:
-    """Rays traced in all: what the plan leaves out is not among them."""
+    """Numbers of rays traced, without those that the plan leaves out."""
 
     primary: int = 0
     shadow: int = 0
@@ -104,7 +105,7 @@ class RayCounts:
 
 @dataclass(frozen=True)
 class Seconds:
-    """Wall-clock seconds of the parts of a render; `cpu` is the processor time of the passes alone."""
+    """Wall-clock seconds of the parts of a render. `cpu`: processor seconds of the passes alone."""
 
     build: float
     plan: float

@@ -43,12 +43,12 @@ FEW_LIGHTS = 16  # with more, memory for what each row asks of each light counts
 
 @dataclass(frozen=True, eq=False)
 class RenderResult:
-    """An image and what its samples say of it.
+    """An image, and what its samples tell about it.
 
-    image: (h, w, 3) linear radiance. variance: (h, w, 3) of the mean, as independent samples would have it;
-    NaN at 1 spp. tail: the largest luminances among reflected samples, descending, at most 4096. reflected:
-    how many samples of reflected light were drawn; reflected_sum: the sum of their luminances. nonfinite:
-    samples that are NaN or infinite.
+    image: (h, w, 3) linear radiance. variance: (h, w, 3) of the mean, for independent samples; NaN at 1 spp.
+    tail: the largest luminances among reflected samples, descending, at most 4096. reflected: the number of
+    samples of reflected light; reflected_sum: the sum of their luminances. nonfinite: the number of samples
+    that are NaN or infinite.
     """
 
     image: Floats
@@ -65,7 +65,7 @@ class RenderResult:
 
 @dataclass(frozen=True, eq=False)
 class RenderJob:
-    """The data that every chunk needs."""
+    """The data that all chunks share."""
 
     scene: RenderScene
     plan: RenderPlan
@@ -81,7 +81,7 @@ class RenderJob:
 
 @dataclass(frozen=True, eq=False)
 class _Chunk:
-    """Some whole pixels, done."""
+    """Whole pixels with all their samples."""
 
     pixel: NDArray[np.int64]
     sums: PixelSums | RatioSums
@@ -106,12 +106,12 @@ def render(
 ) -> RenderResult:
     """Render the direct light of a scene.
 
-    estimator, sampler: names from their registries; an estimator of one's own also as itself. spp: samples a
-    pixel. keep: prunings not to make, of PRUNINGS. threads, rows: how the work is cut, without effect on a
-    single bit of the image. progress: called with the share done.
+    estimator, sampler: names from their registries; an estimator may also be given as an object. spp: samples
+    a pixel. keep: prunings of PRUNINGS to leave out. threads, rows: the division of the work, without effect
+    on any bit of the image. progress: called with the share done.
 
     Raises PenumbraError for arguments of a wrong type, unknown names, spp, threads or rows below 1, a seed
-    below 0, and where the estimator does not apply to the scene.
+    below 0, and an estimator that does not apply to the scene.
     """
     _check_numbers(spp=(spp, 1), seed=(seed, 0), threads=(threads, 1))
     if rows is not None:
@@ -148,7 +148,9 @@ def render(
 
 
 def _check_numbers(**given: tuple[object, int]) -> None:
-    """PenumbraError for an argument, a number and its least, that is no whole number or less than that."""
+    """PenumbraError for the first argument, given with its least value, that is below it or no
+    whole number.
+    """
     for name, (value, least) in given.items():
         if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
             raise PenumbraError(f"{name} is {value!r}: it must be a whole number of at least {least}")
@@ -231,9 +233,9 @@ def _chunk(work: RenderJob, pixels: NDArray[np.int64]) -> _Chunk:
 def _samples(
     work: RenderJob, pixel: NDArray[np.int64], sample: NDArray[np.int64]
 ) -> tuple[Floats, Floats, tuple[Floats, ...], int, RayCounts]:
-    """One sample a row: emission seen (3, n), reflected light (3, n), what a ratio takes beside it, each (3,
-    n), the number
-    of points shaded, the rays traced."""
+    """One sample a row: emission seen (3, n), reflected light (3, n), the parts of a ratio (3, n), the number
+    of points shaded, the rays traced.
+    """
     scene, plan = work.scene, work.plan
     first = scene.camera.dimensions
     o, d = scene.camera.rays(pixel, work.sampler.uniform(pixel, sample, 0, first))
@@ -258,8 +260,8 @@ def _samples(
 def _first_hits(
     scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats
 ) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
-    """The first hits of camera rays from o (3, n) or (3, 1) along d (3, n): the points to shade, the
-    emission seen (3, n), and the rows (m,) of those points.
+    """The points to shade, the emission seen (3, n), and the rows (m,) of these points, at the first hits of
+    camera rays from o (3, n) or (3, 1) along d (3, n).
     """
     t, shape, triangle, primitive = _nearest(scene, plan, o, d)
     if scene.cutouts is not None:
@@ -275,8 +277,10 @@ def _first_hits(
 def _nearest(
     scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats, left: SurfaceHit | None = None
 ) -> tuple[Floats, Integers, Integers, Integers]:
-    """The first hits of rays from o (3, n) or (3, 1) along d (3, n): distance (n,), inf for nothing, and the
-    shape, triangle and analytic primitive (n,), -1 for none. left: the points that they leave surfaces at.
+    """First hits of rays from o (3, n) or (3, 1) along d (3, n): distance (n,), inf for none; shape, triangle
+    and analytic primitive (n,), -1 for none.
+
+    left: the points whose surfaces the rays leave.
     """
     none = np.full(d.shape[1], -1, dtype=np.int64)
     if scene.triangles is None:
@@ -304,8 +308,8 @@ def _go_through(
     d: Floats,
     found: tuple[Floats, Integers, Integers, Integers],
 ) -> None:
-    """Send rays that go through a hole on to what lies behind it; `found`, as `_nearest` returns it, is
-    changed in place.
+    """Follow rays through holes to the surfaces behind. Changes `found`, the result of `_nearest`,
+    in place.
     """
     t, shape, triangle, primitive = found
     rows = np.flatnonzero((shape >= 0) & cutouts.some[shape])
@@ -332,7 +336,7 @@ def _of_all(
     primitive: NDArray[np.int64],
     triangle: NDArray[np.int64],
 ) -> Floats:
-    """Le (3, n) of the lights that rays meet, with those that are in the same place."""
+    """Le (3, n) of the lights that rays meet, together with the lights that share their place."""
     lights, out = scene.lights, le.copy()
     for table, which in ((lights.of_primitive, primitive), (lights.of_triangle, triangle)):
         rows = np.flatnonzero(which >= 0)
@@ -344,7 +348,7 @@ def _of_all(
 
 
 def _from(o: Floats, rows: NDArray[np.int64]) -> Floats:
-    """The origins of some rays, (3, m); or (3, 1), the one of all."""
+    """The origins of the rays `rows`, (3, m), or (3, 1) where all share one."""
     return o if o.shape[1] == 1 else o.take(rows, axis=1)
 
 
@@ -357,7 +361,7 @@ def _emission(
     primitive: NDArray[np.int64],
     triangle: NDArray[np.int64],
 ) -> Floats:
-    """(3, n) radiance of lights that rays from o along d (3, n) see from their emitting side, and of what
+    """Radiance (3, n) of the lights that rays from o along d (3, n) see on their emitting side, and of what
     surrounds the scene.
     """
     out = np.zeros_like(d)
@@ -393,7 +397,9 @@ def _surface(
     triangle: NDArray[np.int64],
     primitive: NDArray[np.int64],
 ) -> SurfaceHit:
-    """Points and normals of hits at about p (3, n); normals on the side that rays d (3, n) come from."""
+    """Points near p (3, n), moved onto their surfaces, with normals on the side that rays d (3, n)
+    come from.
+    """
     p, n = _normals(scene, p, triangle, primitive)
     front = dot(n, d) <= 0
     ns = None
@@ -435,7 +441,7 @@ def _embossed(reliefs: Reliefs, hit: SurfaceHit, chosen: SurfaceHit) -> SurfaceH
 def _normals(
     scene: RenderScene, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """Points p (3, n) moved onto their surfaces, and the geometric normals there (3, n)."""
+    """Points p (3, n) moved onto their surfaces, and the geometric normals (3, n) there."""
     n = np.zeros_like(p)
     if scene.triangles is not None:
         n = scene.triangles.normal.take(np.maximum(triangle, 0), axis=1)
@@ -448,7 +454,7 @@ def _normals(
 
 
 def _film(scene: RenderScene, chunks: list[_Chunk]) -> tuple[Film, float]:
-    """The film of all chunks, and the sum of reflected luminance, added up in the order of pixels."""
+    """The film of all chunks, and the sum of reflected luminances in the order of pixels."""
     h, w = scene.camera.height, scene.camera.width
 
     def image(parts: list[Floats]) -> Floats:

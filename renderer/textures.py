@@ -1,8 +1,6 @@
-"""Textures by their coordinates: constants, images, patterns, noise, and what is made of them, as pbrt-v4
-defines them.
+"""Textures as pbrt-v4 defines them: constants, images, patterns, noise, and combinations of these.
 
-There is no prefiltering: what varies within a pixel is averaged by the pixel's samples [pharr2023, sec.
-10.4].
+Nothing is prefiltered: the samples of a pixel average what varies within it [pharr2023, sec. 10.4].
 """
 
 from __future__ import annotations
@@ -40,7 +38,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The places that textures look at. uv: (2, n) coordinates. p: (3, n) points. n: (3, n) geometric
+    """Places at which textures are evaluated. uv: (2, n) coordinates. p: (3, n) points. n: (3, n) geometric
     normals, of either side.
     """
 
@@ -119,7 +117,7 @@ RADIUS = 0.35  # of a dot, in cells
 
 
 def _in_dot(st: Floats) -> NDArray[np.bool_]:
-    """(n,): whether points (2, n) lie in the dot of their cell, if it has one."""
+    """(n,): whether points (2, n) lie in the dot of their cell."""
     cell = np.floor(st + 0.5)
 
     def random(s: float, t: float) -> Floats:
@@ -149,7 +147,9 @@ def _(texture: Marble, at: Places) -> Floats:
 
 @singledispatch
 def brightest(texture: Texture) -> Floats:
-    """(3,) no value of the texture is above this; of noise, no absolute value. 0 only where all is black."""
+    """An upper bound (3,) on a texture's values; for noise, on their absolute values. It is 0 only for a
+    black texture.
+    """
     raise TypeError(f"no bound of a {type(texture).__name__} is known")
 
 
@@ -200,7 +200,7 @@ def _(texture: ImageTexture) -> Floats:
 
 @singledispatch
 def coordinates(mapping: UVMapping | PointMapping, at: Places) -> Floats:
-    """(s, t) (2, n) of a texture in two dimensions, or the point (3, n) of one in three."""
+    """(s, t) (2, n) for a texture in two dimensions, or the points (3, n) for one in three."""
     raise TypeError(f"no coordinates by a {type(mapping).__name__} are known")
 
 
@@ -240,8 +240,8 @@ def _in_texture(mapping: PointMapping, at: Places) -> Floats:
 
 
 def nearest(image: Floats, st: Floats, wrap: str) -> Floats:
-    """The texel (3, n) that each point lies in. image: (h, w, 3). st: (2, n), (0, 0) at the first texel's
-    outer corner.
+    """The texel (3, n) of each point. image: (h, w, 3). st: (2, n), with (0, 0) at the first texel's outer
+    corner.
     """
     height, width, _ = image.shape
     return _texels(
@@ -250,7 +250,9 @@ def nearest(image: Floats, st: Floats, wrap: str) -> Floats:
 
 
 def bilinear(image: Floats, st: Floats, wrap: str) -> Floats:
-    """Interpolated between the centres of the four nearest texels. As `nearest` otherwise."""
+    """Values (3, n) interpolated between the centres of the four nearest texels. Arguments as for
+    `nearest`.
+    """
     height, width, _ = image.shape
     x, y = st[0] * width - 0.5, st[1] * height - 0.5
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
@@ -263,7 +265,7 @@ def bilinear(image: Floats, st: Floats, wrap: str) -> Floats:
 
 
 def _texels(image: Floats, row: Integers, column: Integers, wrap: str) -> Floats:
-    """Texels (3, n), those outside the image as `wrap` has it: "repeat", "clamp", "black" or
+    """Texels (3, n), where `wrap` decides on those outside the image: "repeat", "clamp", "black" or
     "octahedralsphere".
     """
     height, width, _ = image.shape

@@ -1,1 +1,1 @@
-"""Estimators: one file each, any scene can be rendered with each that applies."""
+"""Estimators, one technique a file."""

@@ -1,9 +1,9 @@
-"""`ambient-occlusion`: how much of the cosine-weighted hemisphere is open, to a distance: a quantity of its
-own, not light.
+"""`ambient-occlusion`: the open part of the cosine-weighted hemisphere, within a distance. It is no light but
+a quantity of its own.
 
-A(p) = 1/pi int V(p, wi) cos dwi, V being 0 where something is met nearer than the scene's `maxdistance`.
-Directions go as the cosine, so that a sample is V itself. Lights play no part, but for their shapes, which
-are in the way like any other. The hemisphere is about the geometric normal, as in pbrt's AOIntegrator.
+A(p) = 1/pi int V(p, wi) cos dwi, where V is 0 if a ray meets something nearer than the scene's `maxdistance`.
+Directions follow the cosine, so that a sample is V itself. Lights count as occluders only. As in pbrt's
+AOIntegrator the hemisphere is that of the geometric normal.
 """
 
 from __future__ import annotations

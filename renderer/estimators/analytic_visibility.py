@@ -1,10 +1,10 @@
-"""`analytic-visibility`: the unshadowed light in closed form times how much of it is seen, so that only
-shadows are noisy.
+"""`analytic-visibility`: unshadowed light in closed form times the visible share of it, so that only shadows
+are noisy.
 
-The ratio form [heitz2018] multiplies the closed form A, averaged over a pixel, by the ratio of the pixel's
-shadowed samples S to the same samples without shadows U: A S/U. A ratio of means is consistent but biased, by
-O(1/spp). The control variate A + (S - U) has the same mean as S, is as free of noise where nothing is in the
-way, and is noisier than the ratio in the umbra.
+The ratio form [heitz2018] multiplies the closed form A of a pixel by S/U: the pixel's shadowed samples S over
+the same samples without shadows U. A ratio of means is consistent, with a bias of O(1/spp). The control
+variate A + (S - U) has no bias and is as free of noise where nothing blocks the light, but is noisier than
+the ratio in the umbra.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ BLOCK = 8  # lights whose closed forms are worked out at once: bounds the tempor
 
 @dataclass(frozen=True)
 class AnalyticVisibility(Estimator):
-    """One light sample and the closed forms of all lights."""
+    """One light sample, and the closed forms of all lights."""
 
     closed_form: bool = field(default=True, kw_only=True)
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """Surfaces that are not diffuse, and lights without a closed form."""
+        """The reason against surfaces that are not diffuse and lights without a closed form, else None."""
         if any(lobes_of(s) & ~LAMBERTIAN for s in scene.shapes):
             return "closed forms hold for diffuse surfaces only, and it has others"
         if not all(light.has_closed_form for light in scene.lights):
@@ -71,7 +71,7 @@ class AnalyticVisibility(Estimator):
 
 
 def irradiance(scene: RenderScene, hit: SurfaceHit) -> Floats:
-    """Unshadowed irradiance (3, n) of all lights together; every one must have a closed form."""
+    """Unshadowed irradiance (3, n) of all lights together. Every light must have a closed form."""
     n = hit.p.shape[1]
     total = np.zeros((3, n))
     for kind in scene.lights.kinds:

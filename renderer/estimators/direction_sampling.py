@@ -1,8 +1,9 @@
-"""The hemisphere form: a direction by some rule of the receiver's own, and the light that it happens to meet.
+"""The hemisphere form: the receiver chooses a direction by a rule of its own and takes the light that it
+meets there.
 
-Lo = f(wo, wi) Le(wi) cos V / pdf(wi). The pdf knows nothing of the lights, so that no distance is divided by:
-however near a light comes, the weights stay bounded. What it costs is that a small light is seldom met
-[pharr2023, sec. 13.2]. A light of one direction is never met by chance: it gets one light sample of its own.
+Lo = f(wo, wi) Le(wi) cos V / pdf(wi). The pdf ignores the lights, and no distance divides: weights stay
+bounded however near a light comes. The price is that a small light is seldom met [pharr2023, sec. 13.2]. A
+light that sends one direction only is never met, and gets one light sample of its own.
 """
 
 from __future__ import annotations
@@ -31,17 +32,17 @@ Rule = Callable[[RenderScene, SurfaceHit, Floats], BSDFSample]
 
 @dataclass(frozen=True)
 class DirectionSampling(Estimator):
-    """An estimator for each rule by which a receiver may choose directions."""
+    """An estimator for each rule by which a receiver chooses directions."""
 
     rule: Rule
     meets_lights_by_chance: bool = field(default=True, kw_only=True)
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """None: whatever cannot be met by chance is sampled."""
+        """None: lights that no ray meets by chance get a light sample of their own."""
         return None
 
     def dimensions(self, scene: RenderScene) -> int:
-        """Two for the direction, one more to choose among several lights that it never meets, and two for a
+        """Two for the direction; for lights that are never met, one to choose among several and two for a
         direction to one that has an extent.
         """
         several = 1 if np.count_nonzero(scene.lights.delta) > 1 else 0
@@ -59,13 +60,15 @@ class DirectionSampling(Estimator):
 
 
 def _has_extent(scene: RenderScene) -> NDArray[np.bool_]:
-    """(K,): lights that are never met and are shapes all the same."""
+    """(K,): lights that have a shape and are yet never met, since their alpha is 0."""
     return scene.lights.delta & (scene.sources.shape[scene.lights.source] >= 0)
 
 
 def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-    """One sample of one of the lights that are never met by chance, all equally likely. u: (1, n) to choose
-    with, (0, n) for fewer than two; then two for a direction where such a light has an extent.
+    """One sample of one of the lights that no ray meets by chance, all equally likely.
+
+    u: (1, n) to choose a light, (0, n) where there is only one; then two rows for a direction where such a
+    light has an extent.
     """
     n = hit.p.shape[1]
     some = np.flatnonzero(scene.lights.delta)
@@ -86,12 +89,12 @@ def by_delta(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -
 
 
 def uniform(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
-    """Every direction alike: pdf 1/(2 pi)."""
+    """Uniform directions: pdf 1/(2 pi)."""
     return _about_normals(scene, hit, u, uniform_hemisphere, lambda z: np.full_like(z, 1 / (2 * np.pi)))
 
 
 def cosine(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
-    """As the cosine: pdf cos / pi."""
+    """Cosine-weighted directions: pdf cos / pi."""
     return _about_normals(scene, hit, u, cosine_hemisphere, lambda z: z / np.pi)
 
 
@@ -102,9 +105,9 @@ def _about_normals(
     warp: Callable[[Floats], Floats],
     density: Callable[[Floats], Floats],
 ) -> BSDFSample:
-    """A hemisphere about each normal; where the surface transmits light, either of the two, equally likely.
-
-    density: from the cosine (n,) of a direction with the axis of its hemisphere.
+    """Directions in the hemisphere about each normal; where the surface transmits light, in either hemisphere
+    with equal probability. density: the pdf from the cosine (n,) of a direction with the axis of its
+    hemisphere.
     """
     axis, share = hit.ns, 1.0
     if scene.transmits.any():

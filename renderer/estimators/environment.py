@@ -1,4 +1,6 @@
-"""`environment`: the environment by the importance of its image, every other light by its best technique."""
+"""`environment`: samples the environment by the importance of its image, and every other light by its best
+technique.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,10 @@ from scenes.description.scene import SceneDescription
 
 @dataclass(frozen=True)
 class EnvironmentSampling(Estimator):
-    """Light samples alone, in proportion to what each direction sends."""
+    """Light samples alone; those of the environment are in proportion to its radiance."""
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """A scene that nothing surrounds."""
+        """The reason against a scene without an environment, else None."""
         if any(light.surrounds for light in scene.lights):
             return None
         return 'it has no environment (LightSource "infinite")'

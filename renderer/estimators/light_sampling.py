@@ -1,5 +1,5 @@
-"""The light sampled by one technique: Lo = f(wo, wi) Le cos V / (pmf(light) pdf(wi)), one light a sample
-[pharr2023, sec. 13.2].
+"""One light sample by one technique: Lo = f(wo, wi) Le cos V / (pmf(light) pdf(wi)) [pharr2023,
+sec. 13.2].
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class LightSampling(Estimator):
     one_sided: bool = False  # whether the technique goes to the side of the normals alone
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """The first light that lacks the technique, in words."""
+        """The first light that lacks the technique, in words; None where all have it."""
         return missing_technique(self.name, scene, self.one_sided)
 
     def dimensions(self, scene: RenderScene) -> int:
@@ -44,8 +44,8 @@ class LightSampling(Estimator):
 
 
 def by_light(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats, *preferred: str) -> Reflected:
-    """One light sample a row, by the first of the preferred techniques that each light has. u: as
-    `choose_light` takes it.
+    """One light sample a row, by the first of the preferred techniques that each light has. u: as for
+    `choose_light`.
     """
     if hit.p.shape[1] == 0:
         return Reflected(np.zeros((3, 0)), 0)

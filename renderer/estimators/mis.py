@@ -1,8 +1,9 @@
-"""`mis`: light and BRDF sampling together, each weighted by how likely it was to find what it found.
+"""`mis`: one light sample and one BRDF sample, each weighted by the pdfs of both techniques for its
+direction.
 
-Veach's multi-sample estimator with one sample of each technique [veach1995]: wherever one technique's pdf is
+Veach's multi-sample estimator with one sample of each technique [veach1995]. Where one technique's pdf is
 small, the other's carries the sample, so that neither a near light nor a smooth surface makes a weight large.
-`mis-compensated` leaves the darker parts of an environment to the BRDF, which finds them anyway [karlik2019].
+`mis-compensated` leaves the darker parts of an environment to the BRDF [karlik2019].
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ BEST = ("environment", "solid-angle", "area")
 
 @dataclass(frozen=True)
 class MultipleImportance(Estimator):
-    """One light sample and one BRDF sample. power: 1 for the balance heuristic, 2 for the power heuristic.
-    preferred: techniques.
+    """One light sample and one BRDF sample.
+
+    power: 1 for the balance heuristic, 2 for the power heuristic. preferred: techniques for the light sample,
+    best first.
     """
 
     power: int
     preferred: tuple[str, ...] = BEST
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """Compensation without an image to compensate; else None: the BRDF takes what light sampling does
-        badly.
-        """
+        """The reason against compensation without an environment image, else None."""
         if self.preferred == BEST or any(light.surrounds for light in scene.lights):
             return None
         return "it has no environment to compensate"

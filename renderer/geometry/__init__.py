@@ -1,1 +1,1 @@
-"""Where rays meet shapes: Embree's triangles, analytic primitives, texture coordinates, bounds."""
+"""Intersection of rays and shapes: Embree's triangles, analytic primitives, texture coordinates, bounds."""

@@ -1,5 +1,5 @@
-"""Shapes met by formula, in float64: spheres, disks and their parts, cylinders, emitting rectangles and small
-emitting meshes, as hits and as occluders.
+"""Shapes that rays meet by formula, in float64: spheres, disks and their parts, cylinders, emitting
+rectangles and small emitting meshes.
 
 Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor is still above it.
 """
@@ -24,16 +24,15 @@ BLOCK = 8  # primitives tested at once: bounds the (block, n) temporaries
 
 @dataclass(frozen=True, eq=False)
 class AnalyticPrimitives:
-    """All analytic primitives of a scene, told apart by `kind`; unused parameters are 0.
+    """All k analytic primitives of a scene. Parameters that a kind does not use are 0.
 
-    kind: (k,) RECTANGLE, DISK, SPHERE, TRIANGLE or QUADRIC + a form. shape: (k,). origin: (3, k), a corner
-    or a centre.
-    x, y: (3, k) and lx, ly: (k,), a rectangle's unit edges and lengths; of a triangle, the vectors whose
-    products with a point's offset are its coordinates along the two edges. normal: (3, k), the emitting side
-    of flat ones. radius: (k,). side: (k,), -1 for a sphere whose normal points inwards.
+    kind: (k,) RECTANGLE, DISK, SPHERE, TRIANGLE or QUADRIC + a form. shape: (k,). origin: (3, k) a corner or
+    a centre. normal: (3, k) the emitting side of flat ones. radius: (k,). side: (k,) -1 for a sphere whose
+    normal points inwards.
 
-    Of quadrics x, y, z (3, k) are the rows of the map to object space; zmin, zmax, inner, phimax: (k,), as in
-    `Part`.
+    x, y (3, k) and lx, ly (k,): unit edges and their lengths of a rectangle. Of a triangle, x and y dotted
+    with a point's offset give its coordinates along the two edges. Of a quadric, x, y, z (3, k) are the rows
+    of the map to object space; zmin, zmax, inner, phimax: (k,) as in `Part`.
     """
 
     kind: NDArray[np.int8]
@@ -58,10 +57,10 @@ class AnalyticPrimitives:
     def closest(
         self, among: NDArray[np.int64], o: Floats, d: Floats, own: NDArray[np.int64] | None = None
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the primitives `among`: t (n,), inf for none,
-        and which (n,).
+        """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the primitives `among`: its distance (n,),
+        inf for none, and its primitive (n,).
 
-        own: (n,) the primitive that each ray leaves, -1 for none, handled as in `occluded`.
+        own: (n,) the primitive that each ray leaves, -1 for none, as in `occluded`.
         """
         n = d.shape[1]
         best, which = np.full(n, np.inf), np.full(n, -1, dtype=np.int64)
@@ -87,11 +86,11 @@ class AnalyticPrimitives:
         own: NDArray[np.int64],
         goal: NDArray[np.int64],
     ) -> NDArray[np.bool_]:
-        """(n,): whether a primitive of `among` lies on the ray between tmin and tmax, each (n,).
+        """(n,): whether a primitive of `among` lies on the ray between tmin and tmax, (n,) each.
 
-        own, goal: (n,) the primitives that the ray leaves and goes to, -1 for none. The goal never blocks;
-        what the ray leaves blocks only as a sphere left inwards. Both are known by id and need no tolerance;
-        tmin and tmax are there for other primitives that touch either of them.
+        own, goal: (n,) the primitives at the start and at the end of the ray, -1 for none. The goal never
+        blocks; the start blocks only as a sphere that the ray leaves inwards. Both are known by their numbers
+        and need no tolerance. tmin and tmax keep out other primitives that touch either end.
         """
         blocked = np.zeros(d.shape[1], dtype=np.bool_)
         for kind, block in self._blocks(among):
@@ -125,7 +124,7 @@ class AnalyticPrimitives:
         return p + quadrics.to_world(*axes, moved - local), quadrics.normal_to_world(*axes, normal)
 
     def quadrics_among(self, which: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.int64]]]:
-        """The forms of quadric among primitives (n,), with the rows (m,) of each; nothing without any."""
+        """Each form of quadric among primitives (n,), with its rows (m,)."""
         kind = self.kind[which]
         if kind.max(initial=0) >= QUADRIC:
             for i, form in enumerate(quadrics.FORMS):
@@ -134,7 +133,7 @@ class AnalyticPrimitives:
                     yield form, rows
 
     def axes(self, which: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
-        """x, y and z of quadrics (n,), each (3, n)."""
+        """The rows x, y and z (3, n) of quadrics (n,)."""
         return self.x.take(which, axis=1), self.y.take(which, axis=1), self.z.take(which, axis=1)
 
     def in_object(self, which: NDArray[np.int64], p: Floats) -> Floats:
@@ -161,7 +160,7 @@ class AnalyticPrimitives:
         far: Floats,
         own: NDArray[np.int64],
     ) -> tuple[Floats, Floats]:
-        """The roots (b, n) without the surface that the ray leaves, which is met again only by a sphere left
+        """The roots (b, n) with -inf for the surface that the ray leaves, unless it leaves a sphere
         inwards.
         """
         leaves = block[:, None] == own
@@ -175,9 +174,8 @@ class AnalyticPrimitives:
         return np.where(leaves, -np.inf, near), np.where(leaves & ~inwards, -np.inf, far)
 
     def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
-        """Distances (b, n) to the nearer and farther meeting; NaN or -inf compare as none.
-
-        Flat primitives have one.
+        """Distances (b, n) of the nearer and the farther intersection. NaN and -inf stand for none; a flat
+        primitive has only the nearer.
         """
         if kind >= QUADRIC:
             part = self.part(block[:, None])
@@ -211,9 +209,9 @@ class AnalyticPrimitives:
 
 @singledispatch
 def primitives_of(geometry: Geometry, shape: int) -> list[AnalyticPrimitives]:
-    """The primitives of a shape, one a face of a mesh. shape: its number in the scene.
+    """The primitives of a shape: one, or one for each face of a mesh. shape: its number in the scene.
 
-    A face without area gets NaN and is refused as a light.
+    A face without area gets NaN; as a light it is refused.
     """
     raise TypeError(f"no formula for rays and {type(geometry).__name__}")
 
@@ -250,7 +248,7 @@ def _(geometry: TriangleMesh, shape: int) -> list[AnalyticPrimitives]:
 
 
 def _rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
-    """corners: (4, 3) in the order p00 p10 p01 p11."""
+    """A rectangle by its corners (4, 3) in the order p00 p10 p01 p11."""
     ex, ey = corners[1] - corners[0], corners[2] - corners[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         lx, ly = float(np.linalg.norm(ex)), float(np.linalg.norm(ey))
@@ -260,7 +258,7 @@ def _rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives
 
 
 def _triangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
-    """corners: (3, 3), a corner a row."""
+    """A triangle by its corners (3, 3), a corner a row."""
     a, b = corners[1] - corners[0], corners[2] - corners[0]
     normal = np.cross(a, b)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -302,7 +300,7 @@ def _single(
 
 
 def join(parts: list[AnalyticPrimitives]) -> AnalyticPrimitives:
-    """All primitives of a list, in order; an empty list gives an object of length 0."""
+    """All primitives of a list in one object, in order; an empty list gives one of length 0."""
     end = None if parts else 0
     some = parts or [_single(SPHERE, 0, np.zeros(3))]  # for the shapes of its arrays alone
     return AnalyticPrimitives(

@@ -1,8 +1,8 @@
-"""Alpha cutouts: a ray hits a point of a shape with the probability that the alpha gives there.
+"""Alpha cutouts: a ray hits a point of a shape with the probability that the shape's alpha has there.
 
-As in pbrt-v4's GeometricPrimitive::Intersect [pharr2023, sec. 7.1.1], a hash of the ray's origin and
-direction decides, so that the same ray always has the same outcome. Where a ray passes, a new one starts
-behind the surface. Camera rays and shadow rays do so alike.
+As in pbrt-v4's GeometricPrimitive::Intersect [pharr2023, sec. 7.1.1] a hash of the ray's origin and direction
+decides, so that one ray always has one outcome. A ray that passes goes on behind the surface. Camera rays and
+shadow rays follow the same rule.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which shapes rays meet by formula and which through Embree, and the arrays of both."""
+"""The division of shapes between formulas and Embree, and the arrays of both."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOLERANCE = 1e-11
 
 
 def is_analytic(shape: ShapeDescription) -> bool:
-    """Whether rays meet a shape by formula: all but meshes that are dark or of many triangles."""
+    """Whether rays meet a shape by formula. Dark meshes and meshes of many triangles go to Embree."""
     g = shape.geometry
     if not isinstance(g, Mesh):
         return True
@@ -35,7 +35,9 @@ def analytic_primitives(shapes: Sequence[ShapeDescription]) -> AnalyticPrimitive
 
 
 def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
-    """All other triangles and patches as one mesh, in the order of shapes and faces; None without any."""
+    """All triangles and patches that Embree holds as one mesh, in the order of shapes and faces; None without
+    any.
+    """
     vertices: list[Floats] = []
     faces: list[NDArray[np.int64]] = []
     shape: list[NDArray[np.int64]] = []
@@ -59,7 +61,7 @@ def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
 
 
 def without_skew(shape: ShapeDescription) -> ShapeDescription:
-    """The shape; one that emits from patches which are no rectangles, as their triangles."""
+    """The shape, where emitting patches that are no rectangles are replaced by their triangles."""
     g = shape.geometry
     if shape.emission is None or (isinstance(g, BilinearMesh) and g.are_rectangles()):
         return shape

@@ -1,8 +1,8 @@
-"""Parts of spheres, disks and cylinders about z, in object space: where rays meet them, normals, texture
+"""Parts of spheres, disks and cylinders about z, in object space: intersections, normals, texture
 coordinates.
 
-Rays keep their parameter under an affine map, so that roots are distances in the world. All functions
-broadcast: a block of primitives against rays, or one primitive a row [pharr2023, sec. 6.2 to 6.4].
+An affine map keeps the parameter of a ray, so that roots in object space are distances in the world. All
+functions broadcast: a block of primitives against rays, or one primitive a row [pharr2023, sec. 6.2 to 6.4].
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ FULL_TURN = 2 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The part of each surface that is present; arrays broadcast. phimax: radians. inner: of disks."""
+    """The part of a surface that is present. Arrays broadcast. phimax: radians. inner: a disk's
+    inner radius.
+    """
 
     radius: Floats
     zmin: Floats
@@ -30,7 +32,7 @@ class Part:
     phimax: Floats
 
     def take(self, index: NDArray[np.integer]) -> Part:
-        """One part a row."""
+        """The parts of primitives (n,), one a row."""
         parts = (self.radius, self.zmin, self.zmax, self.inner, self.phimax)
         return Part(*(values.take(index) for values in parts))
 
@@ -47,7 +49,7 @@ def to_world(x: Floats, y: Floats, z: Floats, v: Floats) -> Floats:
 
 
 def normal_to_world(x: Floats, y: Floats, z: Floats, n: Floats) -> Floats:
-    """Normals by the inverse transpose, unit."""
+    """Unit normals in the world, by the inverse transpose."""
     out = x * n[0] + y * n[1] + z * n[2]
     with np.errstate(invalid="ignore", divide="ignore"):
         return out / np.sqrt(dot(out, out))
@@ -58,7 +60,9 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def roots(form: str, part: Part, p: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """The nearer and the farther meeting of rays p + t d, (3, ...) in object space; -inf for none."""
+    """Distances of the nearer and the farther intersection of rays p + t d, (3, ...) in object space; -inf
+    for none.
+    """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         if form == "disk":
             t = (part.zmin - p[2]) / d[2]
@@ -79,7 +83,7 @@ def roots(form: str, part: Part, p: Floats, d: Floats) -> tuple[Floats, Floats]:
 
 
 def _there(form: str, part: Part, p: Floats) -> NDArray[np.bool_]:
-    """Whether points of the whole surface belong to the part; False for NaN."""
+    """Whether points of the whole surface lie on the part; False for NaN."""
     out: NDArray[np.bool_]
     if form == "disk":
         square = p[0] * p[0] + p[1] * p[1]
@@ -100,7 +104,7 @@ def _angle(p: Floats) -> Floats:
 
 
 def sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats, Floats]:
-    """Both roots of |t d - c| = r for unit d, without cancellation [haines2019]. A miss gives -inf."""
+    """Both roots of |t d - c| = r for unit d, without cancellation [haines2019]; -inf for a miss."""
     along = dot(to_center, d)
     off = to_center - d * along
     half = radius * radius - dot(off, off)
@@ -115,7 +119,7 @@ def sphere_roots(to_center: Floats, d: Floats, radius: Floats) -> tuple[Floats, 
 
 
 def onto(form: str, part: Part, p: Floats) -> tuple[Floats, Floats]:
-    """Points p (3, ...) moved onto their surfaces, and the normals there, of any length."""
+    """Points p (3, ...) moved onto their surfaces, and the normals there, not of unit length."""
     zero = np.zeros_like(p[0])
     if form == "disk":
         return np.stack([p[0], p[1], zero + part.zmin]), np.stack([zero, zero, zero + 1.0])
@@ -127,7 +131,7 @@ def onto(form: str, part: Part, p: Floats) -> tuple[Floats, Floats]:
 
 
 def leaves_inwards(form: str, p: Floats, d: Floats) -> NDArray[np.bool_]:
-    """Whether rays d from points p on the surface go through its inside and may hit it again."""
+    """Whether rays d from points p on the surface enter its inside, where they may hit it again."""
     if form == "disk":
         return np.zeros(np.broadcast_shapes(p[0].shape, d[0].shape), dtype=np.bool_)
     along = p[0] * d[0] + p[1] * d[1]
@@ -135,7 +139,9 @@ def leaves_inwards(form: str, p: Floats, d: Floats) -> NDArray[np.bool_]:
 
 
 def texture_coordinates(form: str, part: Part, p: Floats) -> Floats:
-    """(2, n): u the share of phimax, v from zmin to zmax, a sphere's by angle, a disk's inwards."""
+    """(2, n): u is the share of phimax. v goes from zmin to zmax, by angle on a sphere and inwards
+    on a disk.
+    """
     rho = np.sqrt(p[0] * p[0] + p[1] * p[1])
     with np.errstate(invalid="ignore", divide="ignore"):
         u = _angle(p) / part.phimax
@@ -150,7 +156,7 @@ def texture_coordinates(form: str, part: Part, p: Floats) -> Floats:
 
 
 def positions(form: str, part: Part, u: Floats) -> tuple[Floats, Floats]:
-    """Uniform points of the parts by u (2, n), and the normals there, unit, in object space."""
+    """Points (3, n) in object space, uniform over the parts by u (2, n), and their unit normals."""
     phi = u[1] * part.phimax
     x, y, zero = np.cos(phi), np.sin(phi), np.zeros_like(phi)
     if form == "disk":
@@ -167,5 +173,5 @@ def positions(form: str, part: Part, u: Floats) -> tuple[Floats, Floats]:
 
 
 def inverse_rows(geometry: Quadric) -> Floats:
-    """(3, 3) the rows of the inverse of its linear map."""
+    """The rows (3, 3) of the inverse of a quadric's linear map."""
     return np.asarray(np.linalg.inv(geometry.matrix[:, :3]), dtype=np.float64)

@@ -21,7 +21,7 @@ from scenes.description.shapes import Mesh, ShapeDescription, TriangleMesh, vert
 class ShadingNormals:
     """Shading normals of the t triangles and the k analytic primitives of a scene, in their order.
 
-    origin: (3, m) and along: (3, 3, m) for m faces, the normal is origin + along . p before it is made unit.
+    origin: (3, m) and along: (3, 3, m); on face j the normal at p is origin + along . p, made unit.
     of_triangle: (t,) and of_primitive: (k,) the face of each, -1 for those shaded by their geometric normal.
     """
 
@@ -35,7 +35,7 @@ class ShadingNormals:
     ) -> tuple[Floats, NDArray[np.bool_]]:
         """Unit shading normals (3, n) at points p (3, n), and whether they come from vertex normals (n,).
 
-        n: (3, n) the geometric normals, used where the interpolated normal has no length or is not finite.
+        n: (3, n) the geometric normals, which stand in where the interpolated normal is zero or not finite.
         """
         face = self._face(triangle, primitive)
         out, own = n.copy(), np.zeros(face.size, dtype=np.bool_)
@@ -51,9 +51,8 @@ class ShadingNormals:
     def differentials(
         self, dpdu: Floats, dpdv: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
     ) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Which points (n,) have vertex normals, and dn/du and dn/dv (3, n) of what is interpolated there.
-
-        As in pbrt these are of the normals before they are made unit.
+        """Whether points have vertex normals (n,), and dn/du and dn/dv (3, n) there. As in pbrt these are
+        derivatives of the normal before it is made unit.
         """
         face = self._face(triangle, primitive)
         rows = np.flatnonzero(face >= 0)

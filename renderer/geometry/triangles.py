@@ -31,12 +31,11 @@ FAR = 4.0  # in Embree's units, where the scene spans [-1, 1]: rays from farther
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """v0, normal: (3, t) float64, world space; shape: (t,); bound: (t,) size that float32 rounding scales
-    with.
+    """Triangles in float64, and their float32 copies in Embree.
 
-    largest: the largest of these bounds but for slivers.
-
-    center: (3, 1) and scale map world space to Embree's.
+    v0, normal: (3, t), world space. shape: (t,). bound: (t,) the size that float32 rounding grows with;
+    largest: the largest bound, slivers apart. center: (3, 1) and scale: the map from world space to Embree's.
+    mesh: vertices and faces in Embree's units. member: the triangles that Embree was given.
     """
 
     v0: Floats
@@ -51,14 +50,14 @@ class Triangles:
     bvh: EmbreeScene
 
     def only(self, keep: NDArray[np.bool_]) -> Triangles:
-        """The same triangles, where rays hit only those of the mask (t,)."""
+        """The same triangles, where rays meet only those of the mask (t,)."""
         vertices, faces = self.mesh
         return replace(
             self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep]))
         )
 
     def closest(self, o: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """First triangle on each ray: distance (n,) in float64, inf for none, and its index (n,), -1 for
+        """First triangle on each ray: its distance (n,) in float64, inf for none, and its number (n,), -1 for
         none.
 
         o: (3, n), or (3, 1) for all rays. d: (3, n), unit.
@@ -76,8 +75,9 @@ class Triangles:
     def closest_from(
         self, p: Floats, n: Floats, triangle: NDArray[np.int64], wi: Floats
     ) -> tuple[Floats, NDArray[np.int64]]:
-        """As `closest`, for rays wi (3, n) that leave surfaces: p, n: (3, n) points and normals, triangle:
-        (n,) as in `occluded`.
+        """First triangle on each ray wi (3, n) that leaves a surface, as `closest` gives it.
+
+        p, n: (3, n) points and normals. triangle: (n,) the triangle that a point lies on, -1 for none.
         """
         return self._first(p, self._offset(p, n, self._own(triangle)), wi)
 
@@ -95,7 +95,7 @@ class Triangles:
         return np.where(found, t, np.inf), np.where(found, index, -1)
 
     def _own(self, triangle: NDArray[np.int64]) -> Floats:
-        """(n,) the bounds of the triangles that points lie on, 0 for none."""
+        """(n,) the bounds of the triangles (n,) that points lie on, 0 for none."""
         return np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
 
     def occluded(
@@ -103,10 +103,10 @@ class Triangles:
     ) -> NDArray[np.bool_]:
         """(n,): whether a triangle lies between points p and points y on lights.
 
-        n: (3, n) the normals at p. ny: (3, n) or (3, 1), the lights' normals at y, on the side of p.
-        triangle: (n,) the one that p lies on, -1 for none. Both ends are lifted off their surfaces, so that
-        neither p's own triangle nor what touches the light from behind lies in between; what is nearer than
-        that to either is not seen.
+        n: (3, n) the normals at p. ny: (3, n) or (3, 1) the lights' normals at y, on the side of p. triangle:
+        (n,) the triangle that p lies on, -1 for none. Both ends are lifted off their surfaces, so that
+        neither p's own triangle nor one behind the light blocks. A triangle nearer than that to either end is
+        not seen.
         """
         start = self._offset(p, n, self._own(triangle))
         way = self._offset(y, ny, self.largest) - start
@@ -122,8 +122,8 @@ class Triangles:
         return self.largest * ROUNDINGS * ULP
 
     def _offset(self, p: Floats, n: Floats, bound: Floats | float) -> Floats:
-        """Points p (3, n) off their surface, in Embree's units; pbrt and [waechter2019] do it in units of
-        ulp.
+        """Points p (3, n) lifted off their surfaces, in Embree's units. pbrt and [waechter2019] lift by units
+        of ulp.
         """
         q = np.abs(p - self.center)
         size = np.maximum(np.maximum(q[0], q[1]), q[2]) + bound
@@ -133,7 +133,7 @@ class Triangles:
 def make_triangles(
     vertices: Floats, faces: NDArray[np.int64], shape: NDArray[np.int64], reverse: NDArray[np.bool_]
 ) -> Triangles:
-    """vertices: (m, 3). faces: (t, 3). shape, reverse: (t,).
+    """Triangles in float64 with their BVH. vertices: (m, 3). faces: (t, 3). shape, reverse: (t,).
 
     A triangle without area keeps a zero normal and is never hit.
     """
@@ -161,12 +161,12 @@ def make_triangles(
 
 
 def _bounds(corners: Floats, edges: Floats, center: Floats) -> Floats:
-    """(t,) what rounding scales with: a triangle's distance from the centre, and its size times its
+    """(t,) the size that rounding grows with: a triangle's distance from the centre, and its length times its
     slenderness.
 
-    The normal that Embree computes is off by an angle of ULP times length over height, and the plane by that
-    angle over the length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays off it
-    would leak light.
+    Embree's normal is off by an angle of ULP times length over height, and its plane by that angle times the
+    length. Beyond a slenderness of SLENDER a triangle may shade itself: lifting rays further would leak
+    light.
     """
     square = (edges * edges).sum(axis=2).max(axis=1)
     double = np.linalg.norm(cross(edges[:, 0].T, edges[:, 1].T).T, axis=1)

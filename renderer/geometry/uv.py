@@ -1,7 +1,7 @@
-"""Texture coordinates of points on shapes, as pbrt-v4 lays them.
+"""Texture coordinates of points on shapes, as pbrt-v4 defines them.
 
-On triangles and parallelograms they are an affine function of the point. On spheres and disks they are angles
-about the shape's own axes.
+On triangles and parallelograms they are affine in the point. On spheres and disks they are angles about the
+shape's own axes.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from scenes.errors import SceneError
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Coordinates of the t triangles and the k analytic primitives of a scene, in their order.
+    """Texture coordinates of the t triangles and the k analytic primitives of a scene, in their order.
 
-    origin: (2, m) and along: (2, 3, m) for m faces, uv = origin + along . p. of_triangle: (t,) and
-    of_primitive: (k,) the face of each, -1 for none. frames: (3, 3, k), columns the axes of spheres
-    and disks. oriented: whether the scattering of some surface turns with dp/du.
+    origin: (2, m) and along: (2, 3, m); on face j, uv = origin + along . p. of_triangle: (t,) and
+    of_primitive: (k,) the face of each, -1 for none. frames: (3, 3, k) whose columns are the axes of spheres
+    and disks. oriented: whether a surface of the scene scatters by the direction of dp/du.
     """
 
     origin: Floats
@@ -53,10 +53,10 @@ class Coordinates:
         return out
 
     def tangent(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
-        """(3, n) along dp/du or against it, of any length, at points p (3, n) on their primitives; 0 where
-        the coordinates are degenerate.
+        """A vector (3, n) along dp/du or against it, of any length, at points p (3, n) on their primitives; 0
+        where the coordinates are degenerate.
 
-        Of an affine face it is normal to the gradient of v, within the face; on spheres and disks it turns
+        On an affine face it lies in the face, normal to the gradient of v. On spheres and disks it turns
         about their axis.
         """
         face = self._face(triangle, primitive)
@@ -113,8 +113,8 @@ class Coordinates:
         return np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_primitive, primitive))
 
     def _round(self, p: Floats, which: NDArray[np.int64]) -> Floats:
-        """On spheres u is the angle about z and v = 1 - theta/pi; on disks v goes from 1 at the centre to 0
-        at the rim.
+        """Coordinates of spheres and disks. On a sphere u is the angle about z and v = 1 - theta/pi; on a
+        disk v falls from 1 at the centre to 0 at the rim.
         """
         away, frame = p - self.analytic.origin.take(which, axis=1), self.frames.take(which, axis=2)
         x, y, z = (dot(frame[:, i], away) for i in range(3))
@@ -135,9 +135,8 @@ def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives) -> Coordinates | None:
-    """The coordinates of a scene in which some surface varies, else None.
-
-    analytic: the primitives of these shapes. SceneError for a varying patch that is no parallelogram.
+    """The coordinates of a scene in which a surface varies, else None. analytic: the primitives of these
+    shapes. Raises SceneError for a varying patch that is no parallelogram.
     """
     if not any(s.needs_uv for s in shapes):
         return None
@@ -176,8 +175,8 @@ def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives
 
 
 def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
-    """Three corners (m, 3, 3) and their coordinates (m, 3, 2) of each primitive of a mesh; an analytic patch
-    is one of them, any other two.
+    """Corners (m, 3, 3) of faces and their coordinates (m, 3, 2), three corners a face. An analytic patch is
+    one face, any other patch two.
     """
     if isinstance(mesh, BilinearMesh) and s.needs_uv and not mesh.are_parallelograms():
         what = "anisotropic roughness" if is_oriented(s.material) else "a texture"
@@ -188,8 +187,8 @@ def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
 
 
 def affine(corners: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """origin (k, m) and along (k, 3, m) of the affine functions origin + along . p with these values
-    (m, 3, k) at corners (m, 3, 3); a face without area gets its first corner's.
+    """The affine functions with values (m, 3, k) at corners (m, 3, 3): origin (k, m) and along (k, 3, m) of
+    origin + along . p. A face without area takes the value of its first corner.
     """
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(a, b)

@@ -15,11 +15,11 @@ from scenes.registry import Registry
 
 @dataclass(frozen=True, eq=False)
 class Reflected:
-    """radiance: (3, n) one sample of the light that each point reflects towards wo. shadow_rays: how many
-    were traced.
+    """The reflected light of one sample a point.
 
-    ratio: closed and unshadowed, each (3, n), of an estimator that is a pixel's closed * radiance /
-    unshadowed, each of them averaged first; None for all others, which are the average of radiance.
+    radiance: (3, n) towards wo. shadow_rays: the number traced. ratio: (closed, unshadowed), (3, n) each, of
+    an estimator whose pixel is closed * radiance / unshadowed, all three averaged first; None for the others,
+    whose pixel is the average of radiance.
     """
 
     radiance: Floats
@@ -35,13 +35,13 @@ RADIANCE, OCCLUSION = "radiance", "ambient-occlusion"
 
 @dataclass(frozen=True)
 class Estimator(ABC):
-    """One way of estimating the light that points reflect.
+    """An estimator of the light that points reflect.
 
     name: as users type it. title: a few words for tables and legends. quantity: RADIANCE or OCCLUSION. bias:
-    why its mean is not the truth at a finite number of samples; None where it is. ratio: whether a pixel is a
-    ratio of means, see `Reflected`. bounded: whether weights stay bounded however near a light comes.
-    closed_form: whether a point that nothing shades gets the truth in each sample, or in the ratio.
-    meets_lights_by_chance: whether directions are chosen without knowledge of the lights that they may meet.
+    the reason why its mean is off at a finite number of samples, None for an unbiased one. ratio: whether a
+    pixel is a ratio of means, see `Reflected`. bounded: whether weights stay bounded however near a light
+    comes. closed_form: whether every sample, or the ratio, is exact at a point that nothing shades.
+    meets_lights_by_chance: whether directions are chosen without regard to the lights.
     """
 
     name: str
@@ -56,18 +56,15 @@ class Estimator(ABC):
 
     @abstractmethod
     def refuses(self, scene: SceneDescription) -> str | None:
-        """Why it does not apply to the scene, in words, or None."""
+        """The reason why the estimator does not apply to a scene, in words; None where it applies."""
 
     @abstractmethod
     def dimensions(self, scene: RenderScene) -> int:
-        """How many numbers in [0, 1) one sample takes."""
+        """The number of random numbers that one sample takes."""
 
     @abstractmethod
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """One sample a row. u: (dimensions, n) in [0, 1).
-
-        Rows stand alone: a row's bits do not depend on the others.
-        """
+        """One sample a row. u: (dimensions, n) in [0, 1). A row's bits do not depend on other rows."""
 
 
 ESTIMATORS: Registry[Estimator] = Registry("estimator", "renderer.estimators")

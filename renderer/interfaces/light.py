@@ -1,6 +1,6 @@
 """The protocol of lights: groups of one kind, whose parameters are arrays, and the registry of kinds.
 
-Adding a kind of light is one module in `renderer.lights`: a group of such lights, and its `LightKind`.
+A new kind of light is one module in `renderer.lights`: a group of such lights, and its `LightKind`.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ Source = ShapeDescription | Light
 
 @runtime_checkable
 class DirectionSampler(Protocol):
-    """A technique: directions from reference points to a light, with their density."""
+    """A sampling technique: directions from reference points to a light, and their density."""
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """A direction for each row. index: (n,) which light. ref_p, ref_n: (3, n). u: (2, n) in [0, 1)."""
+        """One direction a row. index: (n,) the light. ref_p, ref_n: (3, n). u: (2, n) in [0, 1)."""
         ...
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """Density (n,) in 1/sr of the directions wi (3, n); 0 where the light is not hit or the technique
-        never goes.
+        """Density (n,) in 1/sr of directions wi (3, n); 0 where they miss the light or the technique never
+        goes.
         """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class LightExample:
-    """A light alone and points to see it from, for the contract tests. ref_p, ref_n: (3, n)."""
+    """One light and reference points for the contract tests. ref_p, ref_n: (3, n)."""
 
     name: str
     source: Source
@@ -50,9 +50,10 @@ class LightExample:
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """The scene's sources that k lights are, or are part of.
+    """The division of a scene's sources into the k lights of a group.
 
-    source: (k,) index of the source. share: (k,) probability of each light among those of its source.
+    source: (k,) the source that each light belongs to. share: (k,) the probability of a light among those of
+    its source.
     """
 
     source: NDArray[np.int64]
@@ -60,12 +61,12 @@ class Parts:
 
     @staticmethod
     def whole(index: Sequence[int]) -> Parts:
-        """Every source is one light."""
+        """One light for each source."""
         return Parts(np.array(index, dtype=np.int64), np.ones(len(index)))
 
     @staticmethod
     def by_area(index: Sequence[int], each: Sequence[int], area: Floats) -> Parts:
-        """Each source is as many lights as `each` says, chosen in proportion to their areas (k,)."""
+        """`each` lights for each source, chosen in proportion to their areas (k,)."""
         source = np.array(index, dtype=np.int64).repeat(each)
         _, own = np.unique(source, return_inverse=True)
         return Parts(source, area / np.bincount(own, area)[own])
@@ -77,7 +78,7 @@ class LightGroup(Protocol):
 
     @property
     def parts(self) -> Parts:
-        """The sources that the lights belong to."""
+        """The sources of the lights, and the share of each light in its source."""
         ...
 
     @property
@@ -86,23 +87,22 @@ class LightGroup(Protocol):
         ...
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """Unoccluded irradiance (3, n) in W/m^2 of surfaces at ref_p facing ref_n; None without a formula."""
+        """Unoccluded irradiance (3, n) in W/m^2 at ref_p facing ref_n; None without a closed form."""
         ...
 
 
 @runtime_checkable
 class Surroundings(LightGroup, Protocol):
-    """A group of lights that rays meet where they leave the scene."""
+    """A group of lights that surround the scene: rays meet them where they leave it."""
 
     @property
     def flux(self) -> Floats:
-        """(k,): radiance times solid angle of each, by which one is chosen where they are several."""
+        """(k,): radiance times solid angle of each light, by which one of several is chosen."""
         ...
 
     def radiance_along(self, index: Index, ref_p: Floats, wi: Floats) -> Floats:
-        """Radiance (3, n) that rays from ref_p (3, n) or (3, 1) along wi (3, n), unit, see.
-
-        index: (n,) which light of the group.
+        """Radiance (3, n) along unit directions wi (3, n) from ref_p (3, n) or (3, 1). index: (n,) the light
+        of the group.
         """
         ...
 
@@ -112,11 +112,11 @@ class LightKind:
     """One kind of light.
 
     describes: the class of the light, or of the geometry that emits. plural: the kind's name in messages.
-    make: a group from the sources of this kind and their indices among the scene's; it raises SceneError for
-    lights that cannot be. techniques: names of the sampling techniques. absent: why it lacks others.
-    examples: cases for the contract tests, near, far, grazing and crossing the horizon. delta: whether the
-    light comes from a single direction at every point, so that no ray ever meets it. closed_form: whether
-    shapes of this kind have a formula of irradiance.
+    make: the group of some sources and their numbers in the scene; it raises SceneError for a light that it
+    cannot render. techniques: names of the sampling techniques. absent: reasons for techniques that it lacks.
+    examples: cases for the contract tests: near, far, grazing and crossing the horizon. delta: whether the
+    light arrives from a single direction at every point, so that no ray meets it. closed_form: whether there
+    is a formula of irradiance.
     """
 
     describes: type
@@ -135,7 +135,7 @@ class LightKind:
         return isinstance(source, self.describes)
 
     def missing(self, technique: str) -> str | None:
-        """Why the kind lacks a technique, in a few words; None where it has it."""
+        """The reason why the kind lacks a technique, in a few words; None where it has it."""
         if technique in self.techniques:
             return None
         return self.absent.get(technique, f"{self.plural} have no {technique} sampling")

@@ -1,7 +1,7 @@
-"""The protocol of materials: how surfaces scatter light, in lobes that may be smooth or let light through.
+"""The protocol of materials: scattering at surfaces in lobes, which may be delta lobes or transmit light.
 
-Adding a smooth or a transmissive material touches no estimator: `renderer.shading.bsdf` asks the kinds, and
-`renderer.shading.directions` adds the light of delta lobes to every estimator alike.
+A smooth or transmissive material touches no estimator: `renderer.shading.bsdf` asks the kinds, and
+`renderer.shading.directions` adds the light of delta lobes to all estimators alike.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scenes.registry import Registry
 
 
 class Lobes(IntFlag):
-    """The lobes that a BSDF is made of, as pbrt's BxDFFlags [pharr2023, sec. 9.1.2]; NONE of a black one."""
+    """The lobes of a BSDF, as pbrt's BxDFFlags [pharr2023, sec. 9.1.2]; NONE for a black one."""
 
     NONE = 0
     REFLECTION = 1  # wi on the side of wo
@@ -35,9 +35,8 @@ LAMBERTIAN = Lobes.REFLECTION | Lobes.DIFFUSE
 
 @dataclass(frozen=True, eq=False)
 class MaterialExample:
-    """A shape that wears a material, for the contract tests.
-
-    estimated: whether f is an unbiased estimate, whose noise is another at each point and pair of directions.
+    """A shape that wears a material, for the contract tests. estimated: whether `evaluate` gives an unbiased
+    random estimate of f, with noise that differs between points and pairs of directions.
     """
 
     name: str
@@ -47,9 +46,8 @@ class MaterialExample:
 
 @runtime_checkable
 class MaterialKind(Protocol):
-    """Scattering at surfaces; wo and wi both leave the surface.
-
-    The normal of a hit lies on the side of wo. All methods hold for every wi on the sphere.
+    """Scattering at surfaces. wo and wi both leave the surface, and the normal of a hit lies on the side of
+    wo. All methods hold for every wi on the sphere.
     """
 
     @classmethod
@@ -64,29 +62,26 @@ class MaterialKind(Protocol):
 
     @classmethod
     def make(cls, shapes: Sequence[ShapeDescription]) -> MaterialKind:
-        """The materials of all shapes of a scene: a shape's index is its material's, and other kinds' rows
-        are black.
-        """
+        """The materials of all shapes of a scene, numbered as the shapes; rows of other kinds are black."""
         ...
 
     def evaluate(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """f(wo, wi) (3, n) in 1/sr, without the cosine and without delta lobes.
-
-        0 where nothing is scattered: on a side without a lobe, and at points of other kinds.
+        """f(wo, wi) (3, n) in 1/sr, without the cosine and without delta lobes. It is 0 on a side without a
+        lobe, and at points of other kinds.
         """
         ...
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """Directions as the BSDF would have them. u: (2, n) in [0, 1)."""
+        """Directions drawn in proportion to the BSDF, or near it. u: (2, n) in [0, 1)."""
         ...
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:
-        """Density (n,) in 1/sr of the samples that are not specular; 0 where `sample` never goes."""
+        """Density (n,) in 1/sr of the samples outside delta lobes; 0 where `sample` never goes."""
         ...
 
     @classmethod
     def examples(cls) -> list[MaterialExample]:
-        """Materials of this kind, the hard ones among them."""
+        """Materials of this kind for the contract tests, hard ones among them."""
         ...
 
 
@@ -102,7 +97,7 @@ def material_kind(shape: ShapeDescription) -> type[MaterialKind]:
 
 
 def lobes_of(shape: ShapeDescription) -> Lobes:
-    """The lobes of a shape's material; of a mix those of all that its points may be of."""
+    """The lobes of a shape's material; for a mix, those of all its materials together."""
     if isinstance(shape.material, MixedMaterial):
         first, second = (lobes_of(replace(shape, material=part)) for part in shape.material.parts)
         return first | second

@@ -1,4 +1,4 @@
-"""The protocol of a sampler, and the integer hash that keys them."""
+"""The protocol of a sampler, and the integer hash behind its keys."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ UInt64 = NDArray[np.uint64]
 
 @runtime_checkable
 class Sampler(Protocol):
-    """Numbers in [0, 1) for a sample of a pixel, whatever chunk or thread asks for them; made from a seed and
-    the spp.
+    """Numbers in [0, 1) for the samples of pixels, as a function of seed, pixel, sample and dimension.
 
-    `independent`: whether samples of a pixel are, so that their spread tells the variance of their mean.
-    `prefix`: whether the first n samples of N are what n samples would have been.
+    `independent`: whether the samples of a pixel are independent, so that their spread tells the variance of
+    their mean. `prefix`: whether the first n of N samples are the n samples of a shorter render.
     """
 
     name: ClassVar[str]
@@ -29,13 +28,13 @@ class Sampler(Protocol):
     prefix: ClassVar[bool]
 
     def __init__(self, seed: int, spp: int) -> None:
-        """seed: 0 or more. spp: how many samples a pixel gets in all; PenumbraError where the sampler ends
-        below that.
-        """
+        """seed: 0 or more. spp: samples a pixel in all; PenumbraError where the sampler does not reach it."""
         ...
 
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
-        """(count, n): dimensions dim .. dim + count - 1 of each row. pixel, sample: (n,), sample from 0."""
+        """(count, n): dimensions dim .. dim + count - 1, one sample a row. pixel, sample: (n,), sample from
+        0.
+        """
         ...
 
 

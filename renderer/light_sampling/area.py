@@ -1,4 +1,6 @@
-"""Emission of area lights, and the technique that all of them have: points uniform over their surface."""
+"""Emission of area lights, and `area`, the technique that all of them have: points uniform over the
+surface.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,14 @@ G = TypeVar("G", bound=Geometry)
 
 
 def geometries(sources: Sequence[Source], kind: type[G]) -> list[G]:
-    """The geometries of those sources that are shapes of one kind of geometry."""
+    """The geometries of emitting shapes of one kind, in the order of the sources."""
     shapes = [s.geometry for s in sources if isinstance(s, ShapeDescription)]
     return [g for g in shapes if isinstance(g, kind)]
 
 
 def receivers(center: Floats, size: float) -> tuple[Floats, Floats]:
-    """Points to see a light at `center` (3,) from: below, far, aside, grazing, near, the normal turned.
-
-    Two (3, 6) arrays.
+    """Reference points (3, 6) and normals (3, 6) around a light at `center` (3,), for the contract tests:
+    below, far, aside, grazing, near, and with the normal turned.
     """
     away = np.array(
         [[0, -2, 0], [30, -40, 10], [2, -1, 1], [3, -1e-2, 0.3], [0.1, -1e-2, 0.2], [0.3, -1.5, 0.1]]
@@ -43,15 +44,15 @@ class Emitters:
     two_sided: NDArray[np.bool_]
 
     def emits(self, index: Index, cos_light: Floats) -> NDArray[np.bool_]:
-        """(n,): whether a point whose outward direction makes cos_light (n,) with the emitting normal sends
-        light there.
+        """(n,): whether a surface point sends light to its side at cos_light (n,), the cosine with the
+        emitting normal.
         """
         if not self.two_sided.any():
             return cos_light > 0
         return (cos_light > 0) | (self.two_sided.take(index) & (cos_light < 0))
 
     def repeat(self, each: Sequence[int]) -> Emitters:
-        """Each emitter as many times as `each` says: the parts of one shape."""
+        """The emitters with each repeated as often as `each` says, for shapes of several lights."""
         return Emitters(
             self.radiance.repeat(each, axis=1),
             self.two_sided.repeat(each, axis=0),
@@ -70,7 +71,7 @@ class Emitters:
 
 @runtime_checkable
 class Surface(Protocol):
-    """A light's surface: points on it, and the point that a ray meets first."""
+    """The surface of a light: points on it, and the point that a ray meets first."""
 
     @property
     def emitters(self) -> Emitters:
@@ -83,24 +84,24 @@ class Surface(Protocol):
         ...
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """(n,): whether a surface point sends light to ref_p, the rest of its own surface not being in the
-        way.
-        """
+        """(n,): whether a surface point sends light to ref_p past the rest of its own surface."""
         ...
 
     def position(self, index: Index, u: Floats) -> tuple[Floats, Floats]:
-        """Uniform points (3, n) on the surface and the emitting unit normals (3, n) or (3, 1) there."""
+        """Points (3, n) uniform over the surface, and the emitting unit normals (3, n) or (3, 1) there."""
         ...
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """Distance (n,) to the emitting side that a ray sees first (inf: none) and the cosine (n,) there."""
+        """Distance (n,) to the emitting side that a ray meets first, inf for none, and the cosine
+        (n,) there.
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class AreaSampling:
-    """Uniform over the light's surface: pdf = d^2 / (cos_light A) [pharr2023, sec. 6.1]; unbounded weights as
-    d goes to 0.
+    """Points uniform over the light's surface: pdf = d^2 / (cos_light A) [pharr2023, sec. 6.1]. Weights are
+    unbounded as d goes to 0.
     """
 
     surface: Surface

@@ -1,4 +1,4 @@
-"""Lights of a single direction at every point: sampled with certainty, and never met by a ray."""
+"""Lights that arrive from a single direction at every point: sampled with certainty, never met by a ray."""
 
 from __future__ import annotations
 
@@ -23,36 +23,38 @@ L = TypeVar("L", bound=Light)
 
 @runtime_checkable
 class Arrival(Protocol):
-    """Lights of a single direction, told by the light that arrives."""
+    """A group of lights, each given by the light that arrives from its single direction."""
 
     def arrive(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Floats]:
-        """The direction (3, n) and distance (n,) of the light and the irradiance (3, n) or (3, 1) on a
-        surface that faces it.
+        """Direction (3, n) and distance (n,) of the light, and irradiance (3, n) or (3, 1) on a surface that
+        faces it.
 
-        Where there is no direction, or no finite number, what is returned is not finite; no warning is given.
+        Where there is no direction, or the light is infinite, the result is not finite; no warning is given.
         """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class DeltaSampling:
-    """The light's one direction, whatever u; its density counts as 1 [pharr2023, sec. 12.2]."""
+    """The single direction of a light, whatever u is; its density counts as 1 [pharr2023, sec. 12.2]."""
 
     light: Arrival
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """Not valid where nothing arrives, at the light itself, and where numbers overflow."""
+        """The direction of each light. A row is not valid where nothing arrives, at the light itself, and
+        where numbers overflow.
+        """
         wi, dist, irradiance = self.light.arrive(index, ref_p)
         return LightSample(wi, dist, -wi, irradiance, np.ones(dist.size), _arrives(wi, irradiance))
 
     def pdf_direction(self, index: Index, ref_p: Floats, ref_n: Floats, wi: Floats) -> Floats:
-        """0: no other technique ever finds the one direction."""
+        """0: no other technique finds the direction."""
         return np.zeros(index.size)
 
 
 @dataclass(frozen=True, eq=False)
 class DeltaLights:
-    """A group of lights of a single direction; every technique is the same."""
+    """A group of such lights, in which every technique is `DeltaSampling`."""
 
     parts: Parts
     arrival: Arrival
@@ -62,7 +64,7 @@ class DeltaLights:
         return dict.fromkeys(TECHNIQUES, DeltaSampling(self.arrival))
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
-        """E cos; 0 wherever samples would not be valid."""
+        """E cos; 0 where samples would not be valid."""
         wi, _, irradiance = self.arrival.arrive(index, ref_p)
         with np.errstate(invalid="ignore", over="ignore"):
             return np.where(_arrives(wi, irradiance), np.maximum(dot(wi, ref_n), 0.0) * irradiance, 0.0)
@@ -71,7 +73,7 @@ class DeltaLights:
 def delta_kind(
     describes: type[L], arrival: Callable[[Sequence[L]], Arrival], examples: Callable[[], list[LightExample]]
 ) -> LightKind:
-    """A kind of light of a single direction, made by `arrival` from its descriptions."""
+    """A kind of light of a single direction; `arrival` makes its group from descriptions."""
 
     def make(sources: Sequence[Source], index: Sequence[int]) -> DeltaLights:
         return DeltaLights(Parts.whole(index), arrival([s for s in sources if isinstance(s, describes)]))
@@ -94,13 +96,13 @@ def towards(position: Floats, ref_p: Floats) -> tuple[Floats, Floats]:
 
 
 def fall_off(intensity: Floats, dist: Floats) -> Floats:
-    """I/d^2, (3, n); not finite where it is beyond the range of numbers."""
+    """I/d^2, (3, n); not finite where it overflows."""
     with np.errstate(all="ignore"):
         return intensity / dist / dist
 
 
 def light_values(values: Floats, what: str, where: Location | None) -> Floats:
-    """The three values of a light; SceneError where they are no amounts of light."""
+    """The three channels of a light; SceneError for values that are not finite or below 0."""
     if not (np.isfinite(values) & (values >= 0)).all():
         raise SceneError(
             f"{what} must be finite and not negative, not {', '.join(f'{v:.6g}' for v in values)}", where
@@ -109,14 +111,14 @@ def light_values(values: Floats, what: str, where: Location | None) -> Floats:
 
 
 def finite_vector(vector: Floats, what: str, where: Location | None) -> Floats:
-    """The vector itself; SceneError if a component is not finite."""
+    """The vector; SceneError where a component is not finite."""
     if not np.isfinite(vector).all():
         raise SceneError(f"{what} must be finite, not {', '.join(f'{v:.6g}' for v in vector)}", where)
     return vector
 
 
 def unit_vector(vector: Floats, what: str, where: Location | None) -> Floats:
-    """A direction, made unit; SceneError where it is none."""
+    """The direction as a unit vector; SceneError for a vector of no direction."""
     _, length = towards(finite_vector(vector, what, where)[:, None], np.zeros((3, 1)))
     if not length[0] > 0:
         raise SceneError(f"{what} must not be zero", where)
@@ -124,14 +126,14 @@ def unit_vector(vector: Floats, what: str, where: Location | None) -> Floats:
 
 
 def light_axes(frame: Floats, what: str, where: Location | None) -> Floats:
-    """Axes (3, 3) that images are laid by; SceneError where they are not orthonormal."""
+    """Axes (3, 3) of a light's image; SceneError where they are not orthonormal."""
     if not np.abs(frame.T @ frame - np.eye(3)).max() < ORTHONORMAL:
         raise SceneError(f"{what} axes may be turned and mirrored, but not scaled or sheared", where)
     return frame
 
 
 def _arrives(wi: Floats, irradiance: Floats) -> NDArray[np.bool_]:
-    """(n,): whether there is a direction, and a finite amount of light that is not 0."""
+    """(n,): whether light arrives: a direction, and a finite amount above 0."""
     r, g, b = irradiance
     # Adding might overflow what is finite.
     finite = np.isfinite(r) & np.isfinite(g) & np.isfinite(b) & np.isfinite(wi[0])

@@ -29,20 +29,18 @@ class Polygons(Protocol):
         ...
 
     def corners(self, index: Index, p: Floats) -> tuple[Floats, Floats]:
-        """The first corner as seen from p (3, n), and the rest in order as offsets from it, (3, v - 1, n) or
-        (3, v - 1, 1).
+        """The first corner (3, n) relative to p (3, n), and the others as offsets from the first, (3, v - 1,
+        n) or (3, v - 1, 1).
         """
         ...
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """The distance (n,) and the cosine (n,), as `Surface` has them."""
+        """The distance (n,) and the cosine (n,); see `Surface`."""
         ...
 
 
 def irradiance(lights: Polygons, index: Index, ref_p: Floats, ref_n: Floats) -> Floats:
-    """Irradiance (3, n) in W/m^2 of surfaces at ref_p (3, n) facing ref_n, 0 behind the light and in its
-    plane.
-    """
+    """Irradiance (3, n) in W/m^2 at ref_p (3, n) facing ref_n; 0 behind the light and in its plane."""
     corner, others = lights.corners(index, ref_p)
     lit = lights.emitters.emits(index, -dot(corner, gather(lights.normal, index)))
     e = np.where(lit, projected_solid_angle(corner, others, ref_n), 0.0)
@@ -51,9 +49,10 @@ def irradiance(lights: Polygons, index: Index, ref_p: Floats, ref_n: Floats) -> 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedSolidAngle:
-    """pdf = cos / E, so that an unshadowed diffuse surface gets the same from every sample [peters2021].
+    """Directions with pdf = cos / E, so that all samples of an unshadowed diffuse surface are equal
+    [peters2021].
 
-    Where E, the projected solid angle above the horizon, is 0, no sample is valid, and none would bring
+    E is the projected solid angle above the horizon. Where E is 0 no sample is valid, and none would bring
     light.
     """
 

@@ -1,8 +1,8 @@
-"""Several lights that surround a scene as one: what they send adds up, and one of them is sampled.
+"""Several lights that surround a scene, as one light: their radiance adds up, and one of them is sampled.
 
-A direction that escapes meets all of them. Their sum has one density, that of the mixture of their own:
-weights stay as bounded as one light's. Half of the choice is in proportion to what each sends out, and half
-is equal, since how much of a portal is seen depends on the point.
+A direction that leaves the scene meets all of them. Its density is that of the mixture of their techniques,
+so that weights stay as bounded as those of one light. Half of the choice is in proportion to flux and half is
+uniform, since the visible part of a portal depends on the point.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from renderer.records import LightSample
 
 @dataclass(frozen=True, eq=False)
 class SumOfSurroundings:
-    """All lights of the groups as one light, of the first one's source. chance: (k,) of choosing each."""
+    """All lights of the groups as one light, in the place of the first. chance: (k,) the probability of
+    choosing each.
+    """
 
     groups: tuple[Surroundings, ...]
     chance: Floats
@@ -46,7 +48,7 @@ class SumOfSurroundings:
         return {name: Mixture(self, name) for name in shared}
 
     def members(self) -> Iterator[tuple[Surroundings, int]]:
-        """Each light's group and its number in it."""
+        """The group of each light, and its number there."""
         for group in self.groups:
             yield from ((group, i) for i in range(group.parts.source.size))
 
@@ -68,13 +70,13 @@ class SumOfSurroundings:
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """One of the lights by one technique, with the density of all of them [veach1995]."""
+    """One of the lights by one technique, with the density of the mixture of all [veach1995]."""
 
     lights: SumOfSurroundings
     name: str
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """Not valid where the light that was chosen is not seen."""
+        """One direction a row; not valid where the chosen light is not seen."""
         li, n = self.lights, index.size
         ref_p = np.broadcast_to(ref_p, (3, n))
         ref_n = np.broadcast_to(ref_n, (3, n))
@@ -114,9 +116,7 @@ class Mixture:
 
 
 def with_one_surroundings(groups: Sequence[LightGroup]) -> list[LightGroup]:
-    """The groups with those that surround the scene as one, in the place of the first, where they are
-    several lights.
-    """
+    """The groups, where several that surround the scene are replaced by their sum."""
     around = [group for group in groups if isinstance(group, Surroundings)]
     if sum(group.parts.source.size for group in around) < 2:
         return list(groups)

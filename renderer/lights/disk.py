@@ -1,8 +1,7 @@
-"""Disk lights: `area`, and `solid-angle` by the spherical ellipse that they are seen as [guillen2017].
+"""Disk lights: `area`, and `solid-angle` uniform in the spherical ellipse that they subtend [guillen2017].
 
-The mathematics is `renderer.spherical.disk` and `disk_irradiance`. Their frame has its first axis from the
-point towards the disk's axis, the second across it in the disk's plane, the third from the point to that
-plane.
+The mathematics is in `renderer.spherical.disk` and `disk_irradiance`. Their frame has three axes: from the
+point towards the disk's axis, across it in the disk's plane, and from the point to that plane.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ class DiskLights:
         )
 
     def view(self, index: Index, p: Floats) -> tuple[DiskView, _Frame]:
-        """How points p (3, n) see their disks, and the frames in which they do."""
+        """The views that points p (3, n) have of their disks, and the frames of these views."""
         d = gather(self.center, index) - p
         x, y = dot(d, gather(self.x, index)), dot(d, gather(self.y, index))
         height = -dot(d, gather(self.normal, index))
@@ -98,9 +97,9 @@ class DiskLights:
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """cosine, sine: (n,) of the direction towards the axis, in the disk's x and y. side: (n,), the sign of
-    the height over the
-    emitting side. height: (n,), >= 0."""
+    """The frame of a view. cosine, sine: (n,) of the direction towards the disk's axis, in its x and y. side:
+    (n,) the sign of the height over the emitting side. height: (n,) >= 0.
+    """
 
     cosine: Floats
     sine: Floats
@@ -110,7 +109,9 @@ class _Frame:
 
 @dataclass(frozen=True, eq=False)
 class DiskSolidAngle:
-    """Uniform in the solid angle of the disk: weights stay bounded however close it comes [guillen2017]."""
+    """Directions uniform in the solid angle of the disk: weights stay bounded however close it comes
+    [guillen2017].
+    """
 
     lights: DiskLights
 

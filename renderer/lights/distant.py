@@ -1,4 +1,4 @@
-"""Distant lights: the same direction and the same irradiance everywhere, as of a sun without a disk."""
+"""Distant lights: one direction and one irradiance everywhere, as of a sun without extent."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from scenes.description.lights import DistantLight
 
 @dataclass(frozen=True, eq=False)
 class DistantLights:
-    """wi: (3, k) unit, towards the light. facing: (3, k), irradiance in W/m^2 of a surface that faces it."""
+    """wi: (3, k) unit, towards the light. facing: (3, k) irradiance in W/m^2 of a surface that faces it."""
 
     wi: Floats
     facing: Floats
 
     @classmethod
     def of(cls, own: Sequence[DistantLight]) -> DistantLights:
-        """The lights of some descriptions; SceneError where one cannot be."""
+        """Lights from their descriptions. Raises SceneError, with its place, for a value out of range."""
         wi = [unit_vector(s.wi, "a distant light's direction", s.where) for s in own]
         facing = [light_values(s.irradiance, "a distant light's irradiance", s.where) for s in own]
         return cls(np.stack(wi, axis=1), np.stack(facing, axis=1))

@@ -43,15 +43,15 @@ TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class TexelDensity:
-    """distribution: over texels. density: (m,) of all texels, 1/sr, 0 where the distribution never goes."""
+    """distribution: over texels. density: (m,) in 1/sr of all texels, 0 where the distribution never goes."""
 
     distribution: PiecewiseConstant2D
     density: Floats
 
     @staticmethod
     def of(lit: Sequence[Floats], bright: Sequence[Floats]) -> TexelDensity:
-        """A distribution in proportion to `bright`, which is per solid angle, over the solid angles `lit`;
-        both (h, w) for each image.
+        """A distribution in proportion to `bright`, per solid angle, times the lit solid angles `lit`; both
+        (h, w), one array an image.
         """
         distribution = PiecewiseConstant2D.of(
             [b / max(b.max(), TINY) * s for b, s in zip(bright, lit, strict=True)]
@@ -82,7 +82,7 @@ class EnvironmentLights:
 
     @property
     def techniques(self) -> Mapping[str, DirectionSampler]:
-        """One and the same where all is constant."""
+        """The techniques by name; all are the uniform one where every light is constant."""
         uniform = UniformDirections(self)
         if self.constant.all():
             return {"solid-angle": uniform, "environment": uniform, "environment-compensated": uniform}
@@ -101,7 +101,9 @@ class EnvironmentLights:
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> EnvironmentLights:
-        """SceneError for images that are no maps of the sphere or hold light that is no light."""
+        """The lights of a scene. Raises SceneError for an image that is no map of the sphere or holds
+        negative or infinite light.
+        """
         own = [s for s in sources if isinstance(s, Environment)]
         images = [_image(e) for e in own]
         constant = np.array([image.shape[:2] == (1, 1) for image in images], dtype=np.bool_)
@@ -126,7 +128,7 @@ class EnvironmentLights:
         )
 
     def radiance_along(self, index: Index, ref_p: Floats, wi: Floats) -> Floats:
-        """Radiance (3, n) that rays see which escape along wi (3, n), unit, from wherever. index: (n,) which
+        """Radiance (3, n) along unit directions wi (3, n) that leave the scene. index: (n,) the
         environment.
         """
         w = self.local(index, wi)
@@ -134,8 +136,8 @@ class EnvironmentLights:
         return np.where(self.lit(index, w), radiance, 0.0) if self.hemisphere.any() else radiance
 
     def texel_along(self, index: Index, w: Floats) -> NDArray[np.int64]:
-        """The number (n,) of the texel that directions w (3, n) in the light's own axes fall on; any will do
-        where all is constant.
+        """The number (n,) of the texel in directions w (3, n) of the light's own axes; any texel where the
+        light is constant.
         """
         return self.grid.first.take(index) if self.constant.all() else self.grid.texel_at(index, w)
 
@@ -144,24 +146,22 @@ class EnvironmentLights:
         return np.ascontiguousarray(self.radiance.take(texel, axis=0).T)
 
     def local(self, index: Index, wi: Floats) -> Floats:
-        """The directions (3, n) in the light's own axes."""
+        """Directions (3, n) in the light's own axes."""
         frame = gather(self.frame, index)
         return np.stack([dot(frame[:, 0], wi), dot(frame[:, 1], wi), dot(frame[:, 2], wi)])
 
     def world(self, index: Index, w: Floats) -> Floats:
-        """The inverse of `local`."""
+        """Directions (3, n) in the world; the inverse of `local`."""
         frame = gather(self.frame, index)
         return combine((frame[:, 0], frame[:, 1], frame[:, 2]), *w)
 
     def lit(self, index: Index, w: Floats) -> NDArray[np.bool_]:
-        """(n,): whether the light extends to w (3, n), in its own axes; of a hemisphere z = 0 is no longer
-        part.
-        """
+        """(n,): whether the light extends to w (3, n) in its own axes. A hemisphere leaves z = 0 out."""
         return ~self.hemisphere.take(index) | (w[2] > 0)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """pi L of a constant sphere, pi L (1 + cos t)/2 of a hemisphere t off the surface's
-        normal. None for images.
+        """pi L of a constant sphere; pi L (1 + cos t)/2 of a constant hemisphere at angle t from the
+        surface's normal. None for images.
         """
         if not self.constant[index].all():
             return None
@@ -172,13 +172,13 @@ class EnvironmentLights:
 
 @dataclass(frozen=True, eq=False)
 class TexelSampling:
-    """A texel by its density, then uniform inside it."""
+    """A texel by its density, then a uniform direction inside it."""
 
     lights: EnvironmentLights
     texels: TexelDensity
 
     def sample_direction(self, index: Index, ref_p: Floats, ref_n: Floats, u: Floats) -> LightSample:
-        """Rows of an environment that is black all over are not valid."""
+        """One direction a row; not valid for an environment that is black all over."""
         li = self.lights
         place = self.texels.distribution.sample(index, u)
         w = li.grid.direction(index, place)
@@ -221,14 +221,14 @@ class UniformDirections:
 
 
 def _lit(grid: SphereGrid, image: int, hemisphere: np.bool_ | bool) -> Floats:
-    """(h, w): the solid angle from which each texel gives light."""
+    """(h, w): the solid angle of each texel from which light comes."""
     omega = np.repeat(grid.solid_angle(image), grid.width[image], axis=1)
     return omega * grid.above(image) if hemisphere else omega
 
 
 def _excess(lit: Floats, bright: Floats) -> Floats:
-    """(h, w): what exceeds the mean over the whole sphere; all of it where nothing does. lit: solid angles,
-    bright: per solid angle.
+    """(h, w): the part of `bright`, per solid angle, above its mean over the sphere; all of `bright` where
+    nothing exceeds it. lit: solid angles.
     """
     scaled = bright / max(bright.max(), TINY)
     excess = np.maximum(scaled - (scaled * lit).sum() / (4 * np.pi), 0.0)
@@ -236,7 +236,9 @@ def _excess(lit: Floats, bright: Floats) -> Floats:
 
 
 def _image(e: Environment) -> Floats:
-    """The radiance (h, w, 3) of an environment; SceneError where it is none."""
+    """The radiance (h, w, 3) of an environment. Raises SceneError for values that are not finite or
+    below 0.
+    """
     image = np.ones((1, 1, 3)) if e.image is None else e.image
     if e.mapping not in MAPPINGS:
         raise SceneError(
@@ -263,7 +265,7 @@ def _image(e: Environment) -> Floats:
 
 
 def _brightness(image: Floats) -> Floats:
-    """(h, w): the mean of red, green and blue, divided first, lest the sum overflow."""
+    """(h, w): the mean of red, green and blue. It divides first, since the sum might overflow."""
     return image[:, :, 0] / 3.0 + image[:, :, 1] / 3.0 + image[:, :, 2] / 3.0
 
 
@@ -273,7 +275,7 @@ def _even(image: Floats) -> Floats:
 
 
 def _axes(e: Environment) -> Floats:
-    """The frame, (3, 3); SceneError where it is not orthonormal."""
+    """The frame (3, 3); SceneError where it is not orthonormal."""
     off = np.abs(e.frame.T @ e.frame - np.eye(3)).max()
     if not off < ORTHONORMAL:
         raise SceneError("an environment may be turned and mirrored, but not scaled or sheared", e.where)

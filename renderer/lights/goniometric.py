@@ -29,8 +29,8 @@ from scenes.errors import SceneError
 
 @dataclass(frozen=True, eq=False)
 class GoniometricLights:
-    """position, intensity: (3, k), W/sr. frame: (3, 3, k), [:, j] the map's j-th axis in the world. grid: the
-    maps. share: (m,) of all texels, what each multiplies the intensity by.
+    """position, intensity: (3, k), W/sr. frame: (3, 3, k), column j is the map's j-th axis in the world.
+    grid: the maps. share: (m,) the factor of intensity of every texel.
     """
 
     position: Floats
@@ -41,7 +41,7 @@ class GoniometricLights:
 
     @classmethod
     def of(cls, own: Sequence[GoniometricLight]) -> GoniometricLights:
-        """The lights of some descriptions; SceneError where one cannot be."""
+        """Lights from their descriptions. Raises SceneError, with its place, for a value out of range."""
         for s in own:
             if s.image.ndim != 2 or s.image.shape[0] != s.image.shape[1] or not s.image.size:
                 raise SceneError(

@@ -1,4 +1,4 @@
-"""Point lights: intensity over the square of the distance, from one direction."""
+"""Point lights: intensity over squared distance, from one direction."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class PointLights:
 
     @classmethod
     def of(cls, own: Sequence[PointLight]) -> PointLights:
-        """The lights of some descriptions; SceneError where one cannot be."""
+        """Lights from their descriptions. Raises SceneError, with its place, for a value out of range."""
         position = [finite_vector(s.position, "a point light's position", s.where) for s in own]
         intensity = [light_values(s.intensity, "a point light's intensity", s.where) for s in own]
         return cls(np.stack(position, axis=1), np.stack(intensity, axis=1))

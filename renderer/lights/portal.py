@@ -60,7 +60,7 @@ class PortalLights:
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> PortalLights:
-        """SceneError for skies that no portal of pbrt's has."""
+        """The portals of a scene; SceneError for a sky that pbrt lets no portal have."""
         own = [s for s in sources if isinstance(s, PortalLight)]
         across, up = (np.stack([s.corners[i] - s.corners[0] for s in own], axis=1) for i in (3, 1))
         extent = np.sqrt(np.stack([dot(across, across), dot(up, up)]))
@@ -80,7 +80,7 @@ class PortalLights:
         )
 
     def radiance_along(self, index: Index, ref_p: Floats, wi: Floats) -> Floats:
-        """Radiance (3, n) that rays see which leave ref_p (3, n) or (3, 1) along wi (3, n), unit."""
+        """Radiance (3, n) along unit directions wi (3, n) from ref_p (3, n) or (3, 1)."""
         place, _ = self.place(index, wi)
         low, high, open_ = self.window(index, ref_p)
         inside = open_ & ((place >= low) & (place <= high)).all(axis=0)
@@ -94,8 +94,8 @@ class PortalLights:
         return np.ascontiguousarray(self.radiance.take(texel, axis=0).T)
 
     def place(self, index: Index, wi: Floats) -> tuple[Floats, Floats]:
-        """(u, v) (2, n) of unit vectors, -1 for those that go the other way, and the solid angle of a unit of
-        area there (n,).
+        """Places (u, v) (2, n) of unit vectors, -1 for those that point the other way, and the solid angle
+        (n,) of a unit of area there.
         """
         frame = gather(self.frame, index)
         x, y, z = (dot(frame[:, i], wi) for i in range(3))
@@ -105,7 +105,7 @@ class PortalLights:
         return place, _stretch(x, y, z)
 
     def direction(self, index: Index, place: Floats) -> tuple[Floats, Floats]:
-        """The inverse of `place`."""
+        """Unit vectors of places (u, v); the inverse of `place`."""
         x, y = np.tan(np.pi * (place - 0.5))
         z = 1.0 / np.sqrt(1.0 + x * x + y * y)
         frame = gather(self.frame, index)
@@ -113,7 +113,7 @@ class PortalLights:
         return wi, _stretch(x * z, y * z, z)
 
     def window(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Bools]:
-        """Low and high ends (2, n) of the portal in (u, v) as points see it, and whether it faces them
+        """Low and high ends (2, n) in (u, v) of the portal as seen from points, and whether it faces them
         (n,).
         """
         low, z = self.local(index, ref_p)
@@ -123,7 +123,9 @@ class PortalLights:
         return 0.5 + np.arctan2(low, z) / np.pi, 0.5 + np.arctan2(high, z) / np.pi, open_
 
     def local(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats]:
-        """The first corner relative to ref_p: (2, n) along the two edges, (n,) along the portal's axis."""
+        """The first corner relative to ref_p: (2, n) along the two edges, and (n,) along the
+        portal's axis.
+        """
         d, frame = gather(self.corner, index) - ref_p, gather(self.frame, index)
         return np.stack([dot(frame[:, 0], d), dot(frame[:, 1], d)]), dot(frame[:, 2], d)
 
@@ -159,7 +161,7 @@ class WindowSampling:
 
 @dataclass(frozen=True, eq=False)
 class PortalSolidAngle:
-    """Uniform in the solid angle of the rectangle, whatever is behind it."""
+    """Directions uniform in the solid angle of the rectangle, whatever lies behind it."""
 
     lights: PortalLights
 
@@ -207,7 +209,7 @@ def _middles(size: int) -> Floats:
 
 def _resampled(sky: Environment, frame: Floats) -> Floats:
     """The sky's radiance (h, h, 3) at the middle of each texel, interpolated as pbrt does; SceneError for a
-    sky that no portal has.
+    sky that pbrt lets no portal have.
     """
     if sky.hemisphere or sky.mapping != "equal-area":
         raise SceneError("a portal's sky is whole, and by pbrt's own mapping", sky.where)

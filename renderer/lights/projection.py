@@ -47,7 +47,7 @@ class ProjectionLights:
 
     @classmethod
     def of(cls, own: Sequence[ProjectionLight]) -> ProjectionLights:
-        """The lights of some descriptions; SceneError where one cannot be."""
+        """Lights from their descriptions. Raises SceneError, with its place, for a value out of range."""
         what = "a projection light's"
         for s in own:
             if s.image.ndim != 3 or s.image.shape[2] != 3 or not s.image.size:

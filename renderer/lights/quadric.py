@@ -33,9 +33,9 @@ ON_SURFACE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class QuadricLights:
-    """surface: the k lights as primitives. area: (k,) in object space. determinant: (k,) of the maps to it.
-
-    whole: for each form but the cylinder, a technique for all k whole shapes in object space, two-sided.
+    """surface: the k lights as primitives. area: (k,) in object space. determinant: (k,) of the maps to
+    object space. whole: techniques by form for the k whole spheres and disks of object space, lit on both
+    sides; cylinders have none.
     """
 
     parts: Parts
@@ -51,7 +51,7 @@ class QuadricLights:
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> QuadricLights:
-        """SceneError where a shape has no area."""
+        """The lights of a scene; SceneError for a shape without area."""
         made = geometries(sources, Quadric)
         for source, geometry in zip(sources, made, strict=True):
             if not geometry.area_in_object > 0:
@@ -82,7 +82,7 @@ class QuadricLights:
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distance (n,) to what a ray sees first of a light, inf where that does not emit; cosine (n,) and
+        """Distance (n,) to the surface that a ray meets first, inf where that does not emit; cosine (n,) and
         normal (3, n) there.
         """
         dist, normal = self.first(index, origin, wi)
@@ -90,9 +90,8 @@ class QuadricLights:
         return np.where(self.emits(index, cos_light), dist, np.inf), cos_light, normal
 
     def first(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """Distance (n,) to what a ray sees first of a light, lit or not, and the normal (3, n) there.
-
-        A root at the ray's start counts as the surface that it leaves.
+        """Distance (n,) to the surface that a ray meets first, lit or not, and the normal (3, n) there. A
+        root at the ray's start counts as the surface that the ray leaves.
         """
         which = np.asarray(index, dtype=np.int64)
         dist, normal = np.full(which.size, np.inf), np.zeros((3, which.size))
@@ -110,9 +109,10 @@ class QuadricLights:
         return dist, normal
 
     def density(self, index: Index, normal: Floats) -> Floats:
-        """(n,): of `area`'s points in the world, 1/m^2, where the unit normal is `normal` (3, n).
+        """(n,): density in 1/m^2 of the points of `area` in the world, where the unit normal is `normal` (3,
+        n).
 
-        |det M| |M^-T n| of the object's unit normal n is |det M| / |M^T N| of the world's N.
+        |det M| |M^-T n| of the object's unit normal n equals |det M| / |M^T N| of the world's N.
         """
         which = np.asarray(index, dtype=np.int64)
         x, y, z = self.surface.axes(which)
@@ -123,7 +123,7 @@ class QuadricLights:
 
 
 def _whole(made: Sequence[Quadric]) -> dict[str, DirectionSampler]:
-    """Techniques for the whole spheres and disks in object space, one for each of `made`, lit on both
+    """Techniques for the whole spheres and disks of object space, one for each form in `made`, lit on both
     sides.
     """
     black, lit = Diffuse(np.zeros(3)), Emission(np.ones(3), two_sided=True)
@@ -139,7 +139,7 @@ def _whole(made: Sequence[Quadric]) -> dict[str, DirectionSampler]:
 
 @dataclass(frozen=True, eq=False)
 class QuadricArea:
-    """Points uniform over the surface in object space; unbounded weights as their distance goes to 0."""
+    """Points uniform over the surface in object space. Weights are unbounded as the distance goes to 0."""
 
     lights: QuadricLights
 
@@ -168,8 +168,8 @@ class QuadricArea:
 
 @dataclass(frozen=True, eq=False)
 class QuadricSolidAngle:
-    """Directions uniform in solid angle in object space, over the whole sphere or disk that a light is cut
-    from. A cylinder is sampled by area.
+    """Directions uniform in solid angle of object space, over the whole sphere or disk that the light is a
+    part of. A cylinder is sampled by area.
     """
 
     lights: QuadricLights

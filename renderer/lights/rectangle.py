@@ -23,9 +23,8 @@ from scenes.errors import SceneError
 
 @dataclass(frozen=True, eq=False)
 class RectangleLights:
-    """corner, x, y, normal: (3, k), x and y unit vectors along the edges; lx, ly: (k,) edge lengths.
-
-    plain: whether none of them carries an image.
+    """corner, x, y, normal: (3, k), x and y unit vectors along the edges. lx, ly: (k,) edge lengths. plain:
+    whether no light of the group carries an image.
     """
 
     parts: Parts
@@ -53,7 +52,7 @@ class RectangleLights:
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> RectangleLights:
-        """One light a patch; the patches of a mesh share its shape."""
+        """One light for each patch; the patches of a mesh share its shape."""
         shapes = [s for s in sources if isinstance(s, ShapeDescription)]
         parts = [_patches(s) for s in shapes]
         points = np.concatenate(parts, axis=2)
@@ -72,7 +71,7 @@ class RectangleLights:
         return p, gather(self.normal, index)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """None where one of the lights carries an image."""
+        """Irradiance by the polygon's closed form; None where a light carries an image."""
         return irradiance(self, index, ref_p, ref_n) if self.plain else None
 
     def corners(self, index: Index, p: Floats) -> tuple[Floats, Floats]:
@@ -96,8 +95,8 @@ class RectangleLights:
         return np.where(hit, dist, np.inf), cos_light
 
     def local(self, index: Index, p: Floats) -> tuple[Floats, Floats, Floats]:
-        """The corner as seen from p along the edges, and p's height over the emitting side: x0, y0, z, each
-        (n,).
+        """The rectangle in the frame of points p (3, n): x0, y0 of its corner and height z over its emitting
+        side, (n,) each.
         """
         d = gather(self.corner, index) - p
         return (
@@ -141,7 +140,7 @@ class RectangleSolidAngle:
 
 
 def _patches(shape: ShapeDescription) -> Floats:
-    """The corners (3, 4, q) of all patches of an emitting mesh; SceneError where one is no rectangle."""
+    """Corners (3, 4, q) of all patches of an emitting mesh; SceneError for a patch that is no rectangle."""
     mesh = shape.geometry
     assert isinstance(mesh, BilinearMesh)
     if not mesh.are_rectangles():

@@ -56,9 +56,8 @@ class SphereLights:
         return gather(self.center, index) + n * gather(self.radius, index), n * gather(self.side, index)
 
     def irradiance(self, index: Index, ref_p: Floats, ref_n: Floats) -> Floats | None:
-        """See `LightKind`.
-
-        The inside of a sphere that emits there is an integrating sphere: pi L everywhere.
+        """Irradiance by the cone's closed form. Inside a sphere that emits inwards it is pi L everywhere, as
+        in an integrating sphere.
         """
         cone = self.cone(index, ref_p)
         e = sphere_irradiance(cone.sine, cone.cosine, np.clip(dot(ref_n, cone.axis), -1.0, 1.0))
@@ -67,13 +66,15 @@ class SphereLights:
         return gather(self.emitters.radiance, index) * np.where(emits, e, 0.0)
 
     def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
-        """From outside, the near half hides the far half: only the outer side is ever seen."""
+        """(n,): whether a point sends light to ref_p. From outside, the near half hides the far half, so that
+        only the outer side counts.
+        """
         d = gather(self.center, index) - ref_p
         outside = np.sqrt(dot(d, d)) > gather(self.radius, index)
         return self.emitters.emits(index, cos_light) & (outside == (cos_light * gather(self.side, index) > 0))
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """The first point met; from inside, the wall."""
+        """Distance and cosine at the first point met; from inside, at the wall."""
         d = gather(self.center, index) - origin
         r = gather(self.radius, index)
         far = np.sqrt(dot(d, d))
@@ -92,7 +93,7 @@ class SphereLights:
         return np.where(hit, dist, np.inf), cos_light
 
     def cone(self, index: Index, p: Floats) -> Cone:
-        """The cones in which points p (3, n) see their spheres."""
+        """The cones under which points p (3, n) see their spheres."""
         d = gather(self.center, index) - p
         r = gather(self.radius, index)
         dist = np.sqrt(dot(d, d))
@@ -108,11 +109,11 @@ class SphereLights:
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """How spheres are seen. axis: (3, n) unit, to the centre. The others are (n,).
+    """The cone under which a sphere is seen; from inside, the whole sphere of directions, with cosine -1.
 
-    dist: distance of the centre. power: dist^2 - radius^2. outside: bool; sign: 1 where it is true, else -1.
-    sine, cosine: of the half-angle. opening: 1 - cosine. From inside, the cone is the whole sphere of
-    directions: cosine -1.
+    axis: (3, n) unit, towards the centre. All others are (n,): dist, distance of the centre; power, dist^2 -
+    radius^2; outside, bool, and sign, 1 outside and -1 inside; sine and cosine of the half-angle; opening, 1
+    - cosine.
     """
 
     axis: Floats
@@ -165,7 +166,7 @@ class SphereSolidAngle:
 
 
 def _inner(along: Floats, root: Floats, power: Floats) -> Floats:
-    """The distance (n,) to the wall from inside, along + root, without the cancellation where along < 0."""
+    """Distance (n,) to the wall from inside, along + root, written without cancellation where along < 0."""
     return np.where(along < 0, -power / (root - along), along + root)
 
 

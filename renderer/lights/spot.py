@@ -42,7 +42,7 @@ class SpotLights:
 
     @classmethod
     def of(cls, own: Sequence[SpotLight]) -> SpotLights:
-        """The lights of some descriptions; SceneError where one cannot be."""
+        """Lights from their descriptions. Raises SceneError, with its place, for a value out of range."""
         for s in own:
             if not 0 <= s.falloff_start <= s.cone <= 180:
                 what = (

@@ -48,7 +48,7 @@ class TriangleLights:
 
     @classmethod
     def make(cls, sources: Sequence[Source], index: Sequence[int]) -> TriangleLights:
-        """One light a face, in the order of faces; SceneError where a face has no area."""
+        """One light for each face, in the order of faces; SceneError for a face without area."""
         parts = [_corners(s) for s in sources if isinstance(s, ShapeDescription)]
         points = np.concatenate(parts, axis=2)
         each = [part.shape[2] for part in parts]
@@ -74,9 +74,8 @@ class TriangleLights:
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """See `Surface`.
-
-        Inside is where a direction is on the same side of the three planes through the edges.
+        """Distance and cosine; see `Surface`. A direction is inside where it lies on the same side of the
+        three planes through the edges.
         """
         a, edges = self.corners(index, origin)
         ab, ac = edges[:, 0], edges[:, 1]
@@ -115,8 +114,8 @@ class TriangleSolidAngle:
 
 
 def _corners(shape: ShapeDescription) -> Floats:
-    """The corners (3, 3, t) of all faces of an emitting mesh: coordinate, corner, face; SceneError where one
-    has no area.
+    """Corners (3, 3, t) of all faces of an emitting mesh: coordinate, corner, face. Raises SceneError for a
+    face without area.
     """
     mesh = shape.geometry
     assert isinstance(mesh, TriangleMesh)

@@ -1,1 +1,1 @@
-"""Materials: one file a kind."""
+"""Materials, one kind a file."""

@@ -28,9 +28,11 @@ from scenes.description.shapes import ShapeDescription, Sphere
 
 @dataclass(frozen=True, eq=False)
 class ConductorMaterials:
-    """alpha, metal: (s,); `metal` is 1, or 0 for shapes of other materials. difference, product: (3, s),
-    eta^2 - k^2 and 2 eta k. alpha_v: (s,) across dp/du, None if all are isotropic. varying:
-    by shape, what textures say in their place.
+    """Metals by shape.
+
+    alpha, metal: (s,); `metal` is 1 for metals, 0 for other materials. difference, product: (3, s), eta^2 -
+    k^2 and 2 eta k. alpha_v: (s,) across dp/du, None if all are isotropic. varying: by shape, the textures
+    that give alpha instead.
     """
 
     alpha: Floats
@@ -46,7 +48,7 @@ class ConductorMaterials:
 
     @classmethod
     def lobes(cls, shape: ShapeDescription) -> Lobes:
-        """eta = 1 and k = 0 is no surface at all."""
+        """The lobes of a metal; none where eta = 1 and k = 0, which is no surface at all."""
         metal = shape.material
         assert isinstance(metal, Conductor)
         if ((metal.eta == 1) & (metal.k == 0)).all():
@@ -76,7 +78,7 @@ class ConductorMaterials:
         return fresnel(cosine, gather(self.difference, hit.shape), gather(self.product, hit.shape)) * lobe
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """wo mirrored at a normal that it sees, its pdf 0 where that leads below the horizon."""
+        """wo mirrored at a normal that it sees; pdf 0 where that leads below the horizon."""
         normal = Facets.at(hit, self.alpha, self.alpha_v, self.varying).visible_normal(hit.wo, u)
         wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
         wi -= hit.wo
@@ -84,7 +86,7 @@ class ConductorMaterials:
         return self._polished(hit, rough) if not self.alpha.all() else rough
 
     def _polished(self, hit: SurfaceHit, rough: BSDFSample) -> BSDFSample:
-        """The samples with those of mirrors in their one direction: f |cos| / pdf is the reflectance."""
+        """The samples, where mirrors get their one direction: f |cos| / pdf is the reflectance."""
         mirror = gather(self.alpha, hit.shape) == 0
         mu_o = np.clip(dot(hit.wo, hit.ns), 0.0, 1.0)
         reflected = fresnel(mu_o, gather(self.difference, hit.shape), gather(self.product, hit.shape))

@@ -36,9 +36,10 @@ BITS = 2.0**16
 
 @dataclass(frozen=True, eq=False)
 class DielectricMaterials:
-    """glass, eta, alpha, thin: (s,). `glass` is 1, or 0 for shapes of other materials; alpha 0 is smooth.
+    """Glass by shape.
 
-    alpha_v: (s,) across dp/du, None if all are isotropic. varying: by shape, what textures say instead.
+    glass, eta, alpha, thin: (s,). `glass` is 1 for glass, 0 for other materials; alpha 0 is smooth. alpha_v:
+    (s,) across dp/du, None if all are isotropic. varying: by shape, the textures that give alpha instead.
     """
 
     glass: Floats
@@ -113,10 +114,11 @@ class DielectricMaterials:
         )
 
     def _rough_sample(self, hit: SurfaceHit, u: Floats, facets: Facets, eta: Floats) -> BSDFSample:
-        """A microfacet that wo sees, and either of its two directions; pdf 0 where that is on the wrong side.
+        """A microfacet that wo sees, and either of its two directions; pdf 0 where that lies on the wrong
+        side.
 
-        The later bits of u[0] choose between them: what its first bits give turns the microfacet by 2^-16 of
-        a circle at most meanwhile.
+        The later bits of u[0] choose between the two. Its first bits turn the microfacet, so that the choice
+        moves it by 2^-16 of a circle at most.
         """
         m = normalize(facets.visible_normal(hit.wo, u))
         wo_m = dot(hit.wo, m)
@@ -127,7 +129,7 @@ class DielectricMaterials:
         return BSDFSample(wi, self.evaluate(hit, wi), np.where(side, self.pdf(hit, wi), 0.0))
 
     def _smooth_sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """Either of two directions, by the share of the light that goes there."""
+        """Reflection or refraction, chosen by the share of the light that goes there."""
         mu_o, thin = _cosine(hit), gather(self.thin, hit.shape) > 0
         eta = np.where(thin, gather(self.eta, hit.shape), self._eta(hit))
         f, refracted = fresnel_dielectric(mu_o, eta)
@@ -144,7 +146,7 @@ class DielectricMaterials:
         return BSDFSample(wi, value, pdf, np.ones(pdf.shape, dtype=np.bool_))
 
     def _eta(self, hit: SurfaceHit) -> Floats:
-        """(n,): the index on the side that wo does not lie on, over that on its own."""
+        """(n,): the index on the far side of the boundary over the index on the side of wo."""
         eta = gather(self.eta, hit.shape)
         return np.where(hit.front, eta, 1 / eta)
 

@@ -19,8 +19,8 @@ from scenes.description.textures import Texture
 
 @dataclass(frozen=True, eq=False)
 class DiffuseMaterials:
-    """value: (3, s), reflectance / pi, of shapes whose reflectance is constant. textured: the others, by
-    shape.
+    """value: (3, s), reflectance / pi of shapes whose reflectance is constant. textured: the textures of the
+    others, by shape.
     """
 
     value: Floats
@@ -60,7 +60,7 @@ class DiffuseMaterials:
         return value * (dot(wi, hit.ns) > 0)
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """Cosine-weighted, which is the whole of a Lambertian BRDF."""
+        """Cosine-weighted directions: exact for a Lambertian BRDF."""
         x, y, z = cosine_hemisphere(u)
         wi = combine(frame_about(hit.ns), x, y, z)
         return BSDFSample(wi, self.evaluate(hit, wi), z / np.pi)

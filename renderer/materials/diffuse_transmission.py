@@ -26,14 +26,18 @@ TINY = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """Shares of the light for one side. value: (3, s), 0 for textures. textured: those, with their scale."""
+    """The share of the light that sheets send to one side. value: (3, s), 0 for textures. textured: the
+    textures and their scales, by shape.
+    """
 
     value: Floats
     textured: tuple[tuple[int, Texture, float], ...]
 
     @classmethod
     def of(cls, parts: Sequence[tuple[Texture, float] | None]) -> _Side:
-        """parts: the texture and the scale of each shape, None of other kinds."""
+        """The shares from `parts`, the texture and the scale of each shape; None for shapes of
+        other kinds.
+        """
         value = np.zeros((3, len(parts)))
         textured: list[tuple[int, Texture, float]] = []
         for i, part in enumerate(parts):
@@ -46,7 +50,7 @@ class _Side:
         return cls(value, tuple(textured))
 
     def at(self, hit: SurfaceHit) -> Floats:
-        """(3, n): the share of the light that goes to this side, from 0 to 1."""
+        """(3, n): the share of the light that goes to this side, in [0, 1]."""
         value = gather(self.value, hit.shape)
         if self.textured:
             value = np.broadcast_to(value, (3, hit.shape.size)).copy()
@@ -59,7 +63,7 @@ class _Side:
 
 @dataclass(frozen=True, eq=False)
 class DiffuseTransmissionMaterials:
-    """The two sides of all shapes of a scene: that of wo, and the other one."""
+    """Sheets by shape: the shares that go to the side of wo, and through."""
 
     near: _Side
     far: _Side
@@ -90,7 +94,7 @@ class DiffuseTransmissionMaterials:
         return _value(self.near.at(hit), self.far.at(hit), dot(wi, hit.ns))
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """u[0] chooses the side; what is left of it is stretched to [0, 1) again."""
+        """A side by u[0], whose rest is stretched to [0, 1) again, then a cosine-weighted direction."""
         near, far = self.near.at(hit), self.far.at(hit)
         first, second = _chances(near, far)
         stays = u[0] < first
@@ -115,12 +119,12 @@ class DiffuseTransmissionMaterials:
 
 
 def _value(near: Floats, far: Floats, cosine: Floats) -> Floats:
-    """f (3, n) in 1/sr, by the cosine (n,) of wi."""
+    """f (3, n) in 1/sr for directions of these cosines (n,)."""
     return np.where(cosine > 0, near, np.where(cosine < 0, far, 0.0)) / np.pi
 
 
 def _chances(near: Floats, far: Floats) -> tuple[Floats, Floats]:
-    """(n,) the probability of choosing each side; both are 0 where the surface is black."""
+    """(n,) the probability of each side; both are 0 where the surface is black."""
     first, second = near.max(axis=0), far.max(axis=0)
     both = np.maximum(first + second, TINY)
     return first / both, second / both

@@ -1,1 +1,1 @@
-"""Vectors, maps of the unit square, piecewise distributions: functions over arrays."""
+"""Vectors, maps of the unit square, noise and piecewise distributions, as functions over arrays."""

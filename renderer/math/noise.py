@@ -1,6 +1,6 @@
 """Perlin's gradient noise and its sums over octaves, as pbrt-v4 has them [perlin2002].
 
-pbrt leaves octaves out that are finer than a pixel. Here all of them count, and the pixel's samples average.
+pbrt leaves out octaves finer than a pixel. Here all of them count, and the samples of a pixel average them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PERMUTATION = np.tile(np.frombuffer(_TABLE, dtype=np.uint8).astype(np.int64), 2
 
 
 def noise(p: Floats) -> Floats:
-    """(n,) at points p (3, n): 0 at whole numbers, within [-1.5, 1.5]."""
+    """Noise (n,) at points p (3, n): 0 at whole numbers, within [-1.5, 1.5]."""
     p = np.fmod(p, 2.0**30)
     cell = np.floor(p).astype(np.int64)
     d = p - cell
@@ -44,8 +44,8 @@ def noise(p: Floats) -> Floats:
 
 
 def _gradient(x: Integers, y: Integers, z: Integers, dx: Floats, dy: Floats, dz: Floats) -> Floats:
-    """The offset (n,) along one of twelve directions, to the middles of a cube's edges, by a lattice point's
-    hash.
+    """The offset (n,) along one of twelve directions, towards the middles of a cube's edges, chosen by a hash
+    of the lattice point.
     """
     h = _PERMUTATION.take(_PERMUTATION.take(_PERMUTATION.take(x) + y) + z) & 15
     corner = (h == 12) | (h == 13)
@@ -54,7 +54,9 @@ def _gradient(x: Integers, y: Integers, z: Integers, dx: Floats, dy: Floats, dz:
 
 
 def fbm(p: Floats, roughness: float, octaves: int) -> Floats:
-    """(n,) fractional Brownian motion: octaves of noise, each 1.99 times finer and `roughness` as high."""
+    """Fractional Brownian motion (n,): octaves of noise, each 1.99 times finer and `roughness`
+    times as high.
+    """
     out, fine, height = np.zeros(p.shape[1]), 1.0, 1.0
     for _ in range(octaves):
         out += height * noise(fine * p)
@@ -63,7 +65,7 @@ def fbm(p: Floats, roughness: float, octaves: int) -> Floats:
 
 
 def turbulence(p: Floats, roughness: float, octaves: int) -> Floats:
-    """(n,) as `fbm`, of absolute values; pbrt adds the mean of one octave beyond the last."""
+    """Turbulence (n,): as `fbm`, of absolute values. pbrt adds the mean of one octave beyond the last."""
     out, fine, height = np.zeros(p.shape[1]), 1.0, 1.0
     for _ in range(octaves):
         out += height * np.abs(noise(fine * p))

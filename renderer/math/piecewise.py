@@ -1,4 +1,4 @@
-"""Distributions over the texels of images: one texel's row by the marginal, its column by the row's own
+"""Distributions over the texels of images: the row of a texel by the marginal, its column by the row's own
 distribution.
 
 Sampling inverts the two cumulative sums, so that strata of the unit square stay connected [pharr2023, sec.
@@ -21,8 +21,8 @@ BELOW_ONE = 1.0 - 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Points in images. row, column: (n,) of the texel; x, y: (n,) in [0, 1), where in it, along the row and
-    down the column.
+    """Points in images. row, column: (n,) of the texel. x, y: (n,) in [0, 1), the place in the texel, along
+    the row and down the column.
     """
 
     row: Integers
@@ -33,12 +33,12 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class PiecewiseConstant2D:
-    """k distributions, each over the texels of its own image, uniform inside a texel.
+    """k distributions, each over the texels of its own image and uniform inside a texel.
 
-    marginal: (k, a) cumulative sums over rows, marginal[i, 0] = 0, 1 from the image's height on; a - 1 is a
-    power of two. conditional: (m, b) the same over the columns of every row of every image. first: (k,) where
-    an image's rows start. empty: (k,) bool, images without any weight: their samples are uniform and mean
-    nothing.
+    marginal: (k, a) cumulative sums over rows: 0 first, and 1 from the image's height on; a - 1 is a power of
+    two. conditional: (m, b) cumulative sums over the columns of every row of every image. first: (k,) the
+    line of `conditional` where an image starts. empty: (k,) images without weight, whose samples are uniform
+    and mean nothing.
     """
 
     marginal: Floats
@@ -48,9 +48,7 @@ class PiecewiseConstant2D:
 
     @staticmethod
     def of(weights: Sequence[Floats]) -> PiecewiseConstant2D:
-        """Distributions in proportion to weights, one (h, w) array for each image, finite and not
-        negative.
-        """
+        """Distributions in proportion to weights: one (h, w) array an image, finite and not negative."""
         # By the largest first: sums of weights near the end of the range would overflow.
         scaled = [w / w.max() if w.max() > 0 else w for w in weights]
         columns = _stride(max(w.shape[1] for w in scaled))
@@ -64,10 +62,10 @@ class PiecewiseConstant2D:
         )
 
     def probability(self, image: int, height: int, width: int) -> Floats:
-        """(h, w): the chance of each texel of an image, exactly as `sample` deals it out; all 0 where it is
-        empty.
+        """(h, w): the probability of each texel of an image, exactly as `sample` chooses it; 0 for an empty
+        image.
 
-        A texel below 1e-16 of its row, or a row below 1e-16 of its image, may have none: its cumulative sum
+        A texel below 1e-16 of its row, or a row below 1e-16 of its image, may get 0, since its cumulative sum
         does not grow.
         """
         if self.empty[image]:
@@ -77,7 +75,7 @@ class PiecewiseConstant2D:
         return across * np.diff(self.marginal[image, : height + 1])[:, None]
 
     def sample(self, index: Integers, u: Floats) -> Place:
-        """A point for each row. index: (n,) which image. u: (2, n) in [0, 1): u[1] picks the row, u[0] the
+        """One point a row. index: (n,) the image. u: (2, n) in [0, 1): u[1] picks the row, u[0] the
         column.
         """
         row, y = _search(self.marginal, index, u[1])
@@ -85,8 +83,8 @@ class PiecewiseConstant2D:
         return Place(row, column, x, y)
 
     def invert(self, index: Integers, place: Place) -> Floats:
-        """The u (2, n) that `sample` takes to a place; within a texel of no chance, the one value that it is
-        passed over at.
+        """The u (2, n) from which `sample` makes a place. For a texel of probability 0, the u at which it is
+        skipped.
         """
         line = self.first.take(index) + place.row
         return np.stack(
@@ -98,13 +96,13 @@ class PiecewiseConstant2D:
 
 
 def _stride(count: int) -> int:
-    """Entries of a cumulative sum over `count` cells, made up to a power of two and one."""
+    """The length of a cumulative sum over `count` cells, rounded up to a power of two plus one."""
     return (1 << (count - 1).bit_length()) + 1
 
 
 def _cumulative(weights: Floats, stride: int) -> Floats:
-    """(m, stride): from 0 up to exactly 1 at the last cell, 1 thereafter; lines without weight are uniform.
-    weights: (m, c).
+    """Cumulative sums (m, stride) of weights (m, c): from 0 to exactly 1 at the last cell, and 1 after it. A
+    line without weight is uniform.
     """
     lines, count = weights.shape
     out = np.ones((lines, stride))
@@ -118,11 +116,11 @@ def _cumulative(weights: Floats, stride: int) -> Floats:
 
 
 def _search(sums: Floats, line: Integers, u: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The cell (n,) with sums[cell] <= u < sums[cell + 1] of each row's line, and how far into it u is, in
+    """The cell (n,) with sums[cell] <= u < sums[cell + 1] in each row's line, and the place of u in it, in
     [0, 1).
 
-    Halving steps of a fixed number, all rows at once: a row's bits are its own. Cells of no width are never
-    picked.
+    The number of halving steps is fixed, so that a row's bits do not depend on others. Cells of no width are
+    never picked.
     """
     stride, flat = int(sums.shape[1]), sums.reshape(-1)
     start = line.astype(np.int64) * stride
@@ -139,7 +137,7 @@ def _search(sums: Floats, line: Integers, u: Floats) -> tuple[NDArray[np.int64],
 
 
 def _between(sums: Floats, line: Integers, cell: Integers, fraction: Floats) -> Floats:
-    """The inverse of `_search`."""
+    """The u of a place in a cell: the inverse of `_search`."""
     stride, flat = int(sums.shape[1]), sums.reshape(-1)
     at = line.astype(np.int64) * stride + cell
     low = flat.take(at)
@@ -148,12 +146,12 @@ def _between(sums: Floats, line: Integers, cell: Integers, fraction: Floats) -> 
 
 @dataclass(frozen=True, eq=False)
 class WindowedPiecewiseConstant2D:
-    """k densities over the unit square, piecewise constant on square grids, each cut to a window of its own
-    for every sample.
+    """k densities over the unit square, constant on the cells of square grids. Each sample cuts its grid to a
+    window of its own.
 
-    size: (k,) cells along a side. first: (k,) where a grid's cells start. value: (m,) of all cells. corner:
-    (k,) where a grid's sums start. below: the integral from the origin to each of its (size + 1)^2 corners,
-    row by row, which interpolation makes exact everywhere [pharr2023, sec. A.5.7].
+    size: (k,) cells along a side. first: (k,) a grid's first cell. value: (m,) of all cells. corner: (k,) a
+    grid's first sum. below: the integral from the origin to each of the (size + 1)^2 corners, row by row;
+    bilinear interpolation of it is exact everywhere [pharr2023, sec. A.5.7].
     """
 
     size: NDArray[np.int64]
@@ -164,7 +162,7 @@ class WindowedPiecewiseConstant2D:
 
     @staticmethod
     def of(values: Sequence[Floats]) -> WindowedPiecewiseConstant2D:
-        """Densities in proportion to values, one (h, h) array for each grid, finite and not negative."""
+        """Densities in proportion to values: one (h, h) array a grid, finite and not negative."""
         size = np.array([len(v) for v in values], dtype=np.int64)
         sums = [np.pad(v.cumsum(axis=0).cumsum(axis=1) / v.size, ((1, 0), (1, 0))) for v in values]
         corners = (size + 1) ** 2
@@ -178,14 +176,14 @@ class WindowedPiecewiseConstant2D:
 
     @property
     def total(self) -> Floats:
-        """(k,) integrals over the whole square."""
+        """The integrals (k,) over the whole square."""
         return self.below[self.corner + (self.size + 1) ** 2 - 1]
 
     def sample(self, index: Integers, low: Floats, high: Floats, u: Floats) -> tuple[Floats, Floats]:
-        """A point (2, n) in each row's window, and its density (n,); 0 in a window of no weight.
+        """A point (2, n) in each row's window, and its density (n,), which is 0 in a window without weight.
 
-        index: (n,) which grid. low, high: (2, n) ends of the windows in [0, 1]. u: (2, n) in [0, 1): u[0]
-        picks the first coordinate, u[1] the second.
+        index: (n,) the grid. low, high: (2, n) ends of the windows in [0, 1]. u: (2, n) in [0, 1): u[0] picks
+        the first coordinate, u[1] the second.
         """
         size = self.size.take(index)
         low, high = (np.broadcast_to(end, u.shape) for end in (low, high))
@@ -213,7 +211,7 @@ class WindowedPiecewiseConstant2D:
         return np.divide(value, whole, out=np.zeros_like(value), where=whole > 0)
 
     def _integral(self, index: Integers, x0: Floats, x1: Floats, y0: Floats, y1: Floats) -> Floats:
-        """Over rectangles, (n,); not below 0."""
+        """Integrals (n,) over rectangles; rounding takes none below 0."""
         upper = self._below(index, x1, y1) - self._below(index, x0, y1)
         return np.maximum(upper - (self._below(index, x1, y0) - self._below(index, x0, y0)), 0.0)
 
@@ -229,7 +227,7 @@ class WindowedPiecewiseConstant2D:
 
 
 def _cell_of(v: Floats, size: Integers) -> tuple[NDArray[np.int64], Floats]:
-    """The cell (n,) of coordinates in [0, 1], and how far into it they are, in [0, 1]."""
+    """The cell (n,) of coordinates in [0, 1], and their place in it, in [0, 1]."""
     cell = np.minimum((v * size).astype(np.int64), size - 1)
     return cell, v * size - cell
 
@@ -237,10 +235,11 @@ def _cell_of(v: Floats, size: Integers) -> tuple[NDArray[np.int64], Floats]:
 def _invert(
     integral: Callable[[Floats], Floats], low: Floats, high: Floats, size: Integers, u: Floats
 ) -> Floats:
-    """Where in [low, high] the integral reaches the share u (n,) of its value at `high`; linear in a cell.
+    """The place in [low, high] where the integral reaches the share u (n,) of its value at `high`; it is
+    linear in a cell.
 
-    The bisection goes over edges of cells. Its steps are as many for every row, so that a row's bits are its
-    own.
+    A bisection over the edges of cells takes the same number of steps in every row, so that a row's bits do
+    not depend on others.
     """
     wanted = u * integral(high)
     first, last = np.floor(low * size).astype(np.int64), np.ceil(high * size).astype(np.int64)

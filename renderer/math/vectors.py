@@ -1,7 +1,6 @@
 """Vectors of a wavefront: component-major `(3, n)` float64, so that `x, y, z = v` gives contiguous columns.
 
-Only ufuncs are used on rows: BLAS and reductions over rows may give a row other bits when its neighbours
-change.
+Rows meet ufuncs only. BLAS and reductions over rows may change a row's bits when its neighbours change.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 
 def normalize(v: Floats) -> Floats:
-    """Row-wise unit vectors; a zero row becomes NaN, without a warning."""
+    """Unit vectors, row by row; a zero row becomes NaN without a warning."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return v / np.sqrt(dot(v, v))
 
 
 def combine(frame: tuple[Floats, Floats, Floats], x: Floats, y: Floats, z: Floats) -> Floats:
-    """The world vectors of local coordinates: `x X + y Y + z Z`. frame: three (3, n) or (3, 1) axes; x, y, z:
-    (n,).
+    """World vectors `x X + y Y + z Z` of local coordinates. frame: the axes X, Y, Z, (3, n) or (3, 1) each.
+    x, y, z: (n,).
     """
     ax, ay, az = frame
     out = ax * x
@@ -45,7 +44,7 @@ def combine(frame: tuple[Floats, Floats, Floats], x: Floats, y: Floats, z: Float
 
 
 def frame_about(z: Floats) -> tuple[Floats, Floats, Floats]:
-    """An orthonormal frame about unit vectors z (3, n), continuous but at z.z = 0 [duff2017]."""
+    """An orthonormal frame about unit vectors z (3, n), continuous except at z.z = 0 [duff2017]."""
     sign = np.copysign(1.0, z[2])
     a = -1.0 / (sign + z[2])
     b = z[0] * z[1] * a
@@ -55,9 +54,9 @@ def frame_about(z: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def gather(parameters: Floats, index: NDArray[np.integer]) -> Floats:
-    """Per-row parameters: `parameters[..., index]`, or one broadcast column where there is but one entry.
+    """Parameters of each row: `parameters[..., index]`, or the one column where there is a single entry.
 
-    parameters: (..., k). index: (n,). Returns (..., n), or (..., 1) if k == 1: the same numbers without the
-    copy.
+    parameters: (..., k). index: (n,). Returns (..., n), or (..., 1) if k == 1, which broadcasts to the same
+    numbers without a copy.
     """
     return parameters if parameters.shape[-1] == 1 else parameters.take(index, axis=-1)

@@ -1,4 +1,4 @@
-"""Maps from the unit square to where samples are wanted, all area-preserving."""
+"""Area-preserving maps from the unit square to disks, triangles, spheres and hemispheres."""
 
 from __future__ import annotations
 

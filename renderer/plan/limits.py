@@ -1,4 +1,4 @@
-"""Limits that this renderer states: lights nearer to a surface than rays can be told from it."""
+"""Limits of this renderer: lights so near to a surface that rays cannot tell the two apart."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ MARGIN = 10.0
 
 
 def check(scene: RenderScene, plan: RenderPlan) -> None:
-    """PenumbraError where a light is nearer to a triangle that it lights than MARGIN bounds, and triangles
-    may lie in between.
+    """PenumbraError where a light is nearer than MARGIN bounds to a triangle that it lights, and triangles
+    may lie between them.
 
-    Without triangles in between (the plan proves it) any distance will do: lights and receivers are known by
-    identity. Surfaces that touch a light are not meant: only a rim as wide as the bound is badly shaded
-    there.
+    Where the plan proves that no triangle lies between, any distance will do: lights and receivers are known
+    by number. Surfaces that touch a light pass, since only a rim as wide as the bound is badly shaded.
     """
     triangles = plan.shadow_triangles
     if triangles is None or not provable(scene):

@@ -1,10 +1,12 @@
-"""Which effects a scene calls for, and why: the renderer simulates those and proves that the rest is nothing.
+"""The effects that a scene calls for, with reasons. The renderer simulates these and proves that the others
+are nothing.
 
 A pruning is made only where the work left out is provably an identity or a zero, so that the pruned image is
-the unpruned one bit for bit. All proofs are about supporting planes: of the axes, of flat shapes, of flat
-lights. Prunings: `emission` (lights out of view), `reach` (receivers that no light can reach), `occlusion`
-(receiver and light with nothing in between), `blockers` (shapes that never shade), `horizon` (lights wholly
-above a receiver's horizon).
+bit for bit the unpruned one. All proofs rest on planes: of the axes, of flat shapes, of flat lights.
+
+Prunings: `emission` (lights out of view), `reach` (receivers that no light can reach), `occlusion` (receiver
+and light with nothing in between), `blockers` (shapes that never shade), `horizon` (lights wholly above a
+receiver's horizon).
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ Witness = Callable[[SurfaceHit, Floats, Floats, Bools, Bools], None]
 
 @dataclass(frozen=True)
 class Decision:
-    """One effect: whether this scene calls for it, and why. `pruning` is the name to keep it by."""
+    """An effect, whether this scene calls for it, and why. `pruning`: the name by which to keep it."""
 
     effect: str
     needed: bool
@@ -45,15 +47,13 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class RenderPlan:
-    """s shapes, q sources of light.
+    """The work that is left for s shapes and q sources of light.
 
-    in_view: indices of analytic primitives that a camera ray may meet. receivers: (s,) shapes to shade.
-
-    shadow: (s, q) pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether any
-    light may dip below a receiver's horizon. emits: whether light is seen directly. shadow_triangles,
-    shadow_analytic: the blockers without an alpha; perforated: those with one, None without any. witness:
-    told of every sample, for pictures of what an estimator does; None
-    in every render.
+    in_view: analytic primitives that a camera ray may meet. receivers: (s,) shapes to shade. shadow: (s, q)
+    pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether a light may dip
+    below a receiver's horizon. emits: whether light is seen directly. shadow_triangles, shadow_analytic: the
+    blockers without an alpha. perforated: the blockers with an alpha, None without any. witness: receives
+    every sample, for pictures of what an estimator does; None in every render.
     """
 
     in_view: NDArray[np.int64]
@@ -70,8 +70,8 @@ class RenderPlan:
 
 
 def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = frozenset()) -> RenderPlan:
-    """The plan for a scene's light. prune False, or a pruning named in `keep`, simulates the effect needed or
-    not.
+    """The plan for a scene's light. With prune False all effects are simulated; those named in `keep` are in
+    any case.
     """
     start = time.perf_counter()
     active = frozenset(PRUNINGS) - keep if prune else frozenset[str]()
@@ -109,9 +109,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
 
 
 def plan_occlusion(scene: RenderScene) -> RenderPlan:
-    """The plan for ambient occlusion: every surface is shaded, black or not, lit or not; every shape
-    occludes; no light is seen.
-    """
+    """The plan for ambient occlusion: every surface is shaded, every shape occludes, and no light is seen."""
     start = time.perf_counter()
     count = len(scene)
     everyone = np.ones(count, dtype=np.bool_)
@@ -133,8 +131,8 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
 
 @dataclass(frozen=True, eq=False)
 class _Proofs:
-    """reach, shadow: (s, q). lit, blockers: (s,). between: (q,) how many shapes may shade what each source
-    sends out.
+    """The results of the proofs. reach, shadow: (s, q). lit, blockers: (s,). between: (q,) the number of
+    shapes that may shade the light of each source.
     """
 
     reach: Bools
@@ -146,7 +144,7 @@ class _Proofs:
 
 
 def _proved(scene: RenderScene, black: Bools) -> _Proofs:
-    """The effects that the proofs leave; every effect, for a scene that is too large to prove."""
+    """The effects that the proofs leave; every effect in a scene that is too large to prove."""
     count, sources = len(scene), len(scene.sources.all)
     if not provable(scene):
         everything = np.ones((count, sources), dtype=np.bool_)
@@ -170,14 +168,14 @@ def _sources(scene: RenderScene) -> Iterable[tuple[Source, int]]:
 
 
 def _seen(source: Source, visible: Bools, shape: int) -> bool:
-    """Whether a camera ray may meet a light. A light without extent is never seen; one that surrounds the
-    scene always may be.
+    """Whether a camera ray may meet a light: never one without extent, always one that surrounds
+    the scene.
     """
     return bool(visible[shape]) if isinstance(source, ShapeDescription) else source.surrounds
 
 
 def _corners(scene: RenderScene) -> Floats:
-    """(s, 3, 8): points whose hull holds each shape."""
+    """(s, 3, 8): the corners of each shape's box."""
     low, high = scene.boxes
     choose = np.indices((2, 2, 2)).reshape(3, 8)
     return np.where(choose == 0, low[:, :, None], high[:, :, None])
@@ -186,7 +184,9 @@ def _corners(scene: RenderScene) -> Floats:
 def _shadow_casters(
     scene: RenderScene, shades: Bools
 ) -> tuple[Triangles | None, NDArray[np.int64], Perforated | None]:
-    """The shapes (s,) that shade: triangles and analytic primitives without an alpha, and those with one."""
+    """The blockers among shapes (s,): triangles and analytic primitives without an alpha, and those
+    with one.
+    """
     if scene.cutouts is None:
         return *_members(scene, shades), None
     some = scene.cutouts.some & shades

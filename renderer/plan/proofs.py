@@ -1,7 +1,7 @@
-"""Proofs from planes that separate the shapes of a scene: the grounds of the plan.
+"""Proofs by separating planes, which are the grounds of the plan.
 
-A shape can be ruled out as a blocker if a plane has it on one side and both receiver and light on the other.
-The planes tried are those normal to an axis or to a flat shape.
+A shape cannot block if a plane has it on one side and both receiver and light on the other. The planes tried
+are those normal to an axis or to a flat shape.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def provable(scene: RenderScene) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Extents:
-    """Extents along m candidate normals. low, high: (m, s). plane: (s,) row of a flat shape's own, or -1.
-    camera: (m, e), of the eyes that its rays start between. both_sides: (s,), shapes that light from behind
-    their plane may leave: those that transmit, and those whose shading normals lean away from the plane's.
+    """Extents of shapes, sources and camera along m candidate normals.
 
-    light_low, light_high: (m, q) those of the sources. A distant light has inf or -inf for both, an
-    environment -inf to inf.
+    low, high: (m, s). plane: (s,) the row of a flat shape's own normal, or -1. camera: (m, e) of the eyes
+    that its rays start between. both_sides: (s,) shapes that light may leave behind their plane: those that
+    transmit, and those whose shading normals lean away from it. light_low, light_high: (m, q) of the sources;
+    both are inf or -inf for a distant light, -inf and inf for an environment.
     """
 
     low: Floats
@@ -53,7 +53,7 @@ class Extents:
 
 
 def extents(scene: RenderScene) -> Extents:
-    """How far each shape and each source reaches along the normals to try."""
+    """The extents of all shapes and sources along the normals to try."""
     flat = [i for i, b in enumerate(scene.bounds) if b.normal is not None]
     normals = np.array([*np.eye(3), *(b.normal for b in scene.bounds if b.normal is not None)])
     both = [b.extent(normals) for b in scene.bounds]
@@ -75,7 +75,7 @@ def extents(scene: RenderScene) -> Extents:
 
 
 def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int) -> tuple[Floats, Floats]:
-    """Least and greatest of n . x, each (m,), over a source of light."""
+    """Least and greatest n . x over a source of light, (m,) each."""
     if isinstance(source, ShapeDescription):
         return low[:, shape], high[:, shape]
     if source.place is not None:
@@ -89,9 +89,8 @@ def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int
 
 
 def _faces_camera(e: Extents) -> NDArray[np.int64]:
-    """(s,) 1 or -1: the one side of its plane on which a flat shape is seen and lit.
-
-    0 if it is not flat, is seen edge-on, or may be lit from both sides.
+    """(s,) 1 or -1: the only side of its plane on which a flat shape is seen and lit. 0 if it is not flat, is
+    seen edge-on, or may be lit from both sides.
     """
     rows = np.maximum(e.plane, 0)
     own = np.arange(e.plane.size)
@@ -101,15 +100,17 @@ def _faces_camera(e: Extents) -> NDArray[np.int64]:
 
 
 def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:
-    """The row of a flat light's plane, or -1 if it is no shape, is not flat or emits to both sides."""
+    """The row of a flat light's plane; -1 for a light that has no shape, is not flat or emits to
+    both sides.
+    """
     shape = int(scene.sources.shape[source])
     one_sided = shape >= 0 and not scene.two_sided[shape] and scene.bounds[shape].one_way
     return int(e.plane[shape]) if one_sided else -1
 
 
 def reach(scene: RenderScene, e: Extents) -> Bools:
-    """(s, q): False where a shape lies behind a one-sided flat light, or its visible side faces away from all
-    of it.
+    """(s, q): whether light may reach a shape. False where the shape lies behind a one-sided flat light, or
+    its visible side faces away from all of the light.
     """
     side = _faces_camera(e)
     columns: list[Bools] = []
@@ -128,8 +129,8 @@ def reach(scene: RenderScene, e: Extents) -> Bools:
 
 
 def blocks(scene: RenderScene, e: Extents) -> Bools:
-    """(s, q, s): whether a shape may lie between a receiver and a light; False only with a plane that
-    separates them.
+    """(s, q, s): whether a shape may lie between a receiver and a light; False only where a plane separates
+    them.
     """
     side = _faces_camera(e)
     count = e.plane.size
@@ -154,8 +155,8 @@ def blocks(scene: RenderScene, e: Extents) -> Bools:
 
 
 def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
-    """(s, s): blockers wholly behind the visible side of a flat receiver; a flat receiver does not hide
-    itself either.
+    """(s, s): whether a blocker lies wholly behind the visible side of a flat receiver; a flat receiver does
+    not hide itself either.
     """
     rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
     below = e.high[rows] < (e.low[rows, own] - e.tolerance)[:, None]
@@ -166,9 +167,7 @@ def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
 
 
 def crosses(scene: RenderScene, e: Extents) -> Bools:
-    """(s, q): whether part of a light may lie below the horizon of some point of a receiver's visible
-    side.
-    """
+    """(s, q): whether part of a light may lie below the horizon of a point on a receiver's visible side."""
     side = _faces_camera(e)
     rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
     low, high = e.light_low[rows], e.light_high[rows]
@@ -178,10 +177,8 @@ def crosses(scene: RenderScene, e: Extents) -> Bools:
 
 
 def gap(e: Extents, receiver: int, source: int) -> float:
-    """A lower bound on the distance between a receiver and a source, in world units, by the best of the
-    planes.
-
-    It is 0 where no plane separates them.
+    """A lower bound, in world units, on the distance between a receiver and a source by the best of the
+    planes; 0 where none separates them.
     """
     above, below = e.light_low[:, source] - e.high[:, receiver], e.low[:, receiver] - e.light_high[:, source]
     both = np.maximum(np.where(np.isnan(above), -np.inf, above), np.where(np.isnan(below), -np.inf, below))

@@ -1,1 +1,1 @@
-"""Samplers: stateless functions of (seed, pixel, sample, dimension), one file each."""
+"""Samplers, one a file: stateless functions of (seed, pixel, sample, dimension)."""

@@ -15,7 +15,7 @@ SAMPLE_STRIDE = np.uint64(0xD1B54A32D192ED03)  # odd, so that distinct samples h
 
 @dataclass(frozen=True)
 class Independent:
-    """Every number independent of every other: the baseline, whose error falls as 1/sqrt(spp)."""
+    """Independent numbers: the error falls as 1/sqrt(spp)."""
 
     seed: int
     spp: int

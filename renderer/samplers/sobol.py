@@ -27,11 +27,11 @@ UInt32 = NDArray[np.uint32]
 
 @cache
 def second_dimension() -> UInt32:
-    """Points of the second dimension by byte of the index, (4, 256) 32-bit fractions with their bits
-    reversed; XOR over bytes gives any point.
+    """Points of the second dimension by byte of the index: (4, 256) 32-bit fractions, bits reversed. The XOR
+    over an index's bytes gives any point.
 
-    Its direction numbers are rows of Pascal's triangle modulo 2 [joe2008 gives the same]: v_0 = 1/2, and each
-    next one is the last XOR the last shifted by one.
+    Direction numbers are rows of Pascal's triangle modulo 2, as [joe2008] has them: v_0 = 1/2, and each next
+    one is the last XOR the last shifted by one.
     """
     vectors = [1 << 31]
     for _ in range(BITS - 1):
@@ -42,9 +42,8 @@ def second_dimension() -> UInt32:
 
 
 def reversed_points(index: UInt32) -> tuple[UInt32, UInt32]:
-    """Both coordinates (n,) of unscrambled points, as 32-bit fractions with their bits reversed.
-
-    That of van der Corput's is the index itself; the other one is `second_dimension`'s.
+    """Both coordinates (n,) of unscrambled points, as 32-bit fractions with their bits reversed: the index
+    itself for van der Corput's, `second_dimension` for the other.
     """
     table = second_dimension()
     second = table[0].take(index & np.uint32(255))
@@ -54,7 +53,7 @@ def reversed_points(index: UInt32) -> tuple[UInt32, UInt32]:
 
 
 def reverse_bits(x: UInt32) -> UInt32:
-    """The 32 bits of each number in reverse."""
+    """The numbers with their 32 bits in reverse order."""
     for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F)):
         m, s = np.uint32(mask), np.uint32(shift)
         x = ((x >> s) & m) | ((x & m) << s)
@@ -62,9 +61,7 @@ def reverse_bits(x: UInt32) -> UInt32:
 
 
 def owen(reversed_points: UInt32, seed: UInt32) -> UInt32:
-    """Scrambled numbers (n,) from bit-reversed ones and a seed for each row: points as fractions, or
-    indices.
-    """
+    """Owen-scrambled numbers (n,) from bit-reversed ones, fractions or indices, and one seed a row."""
     x = reversed_points ^ (reversed_points * np.uint32(0x3D20ADEA))
     x += seed
     x *= (seed >> np.uint32(16)) | np.uint32(1)

@@ -58,7 +58,7 @@ def _scramble(i: UInt32, w: np.uint32, p: UInt32) -> UInt32:
 
 @dataclass(frozen=True)
 class Stratified:
-    """One sample in each of N strata, in x, in y, and in an m x n grid."""
+    """One sample in each of N strata of x, of y, and of an m x n grid."""
 
     seed: int
     spp: int

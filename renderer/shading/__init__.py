@@ -1,1 +1,1 @@
-"""The parts that estimators share: choosing lights, BSDF values, visibility, emission."""
+"""Shading that estimators share: choice of lights, BSDF values, visibility, emission."""

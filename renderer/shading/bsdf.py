@@ -1,7 +1,7 @@
 """BSDFs of a scene's points, whatever their materials: values, sampled directions, densities.
 
-Light that leaves along wo is the integral of f(wo, wi) Li(wi) |cos| over the whole sphere of wi. `bsdf_value`
-is 0 on a side to which a surface scatters nothing, so that no estimator looks at the sign of the cosine.
+Light that leaves along wo is the integral of f(wo, wi) Li(wi) |cos| over all wi. `bsdf_value` is 0 on a side
+to which a surface scatters nothing, so that no estimator asks for the sign of the cosine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from renderer.records import BSDFSample, SurfaceHit
 
 
 def bsdf_value(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
-    """f(wo, wi) (3, n) in 1/sr, delta lobes apart; 0 where nothing is scattered."""
+    """f(wo, wi) (3, n) in 1/sr without delta lobes; 0 where nothing is scattered."""
     hit = _of_one_material(scene, hit)
     if len(scene.materials) == 1:
         return scene.materials[0].evaluate(hit, wi)
@@ -27,14 +27,14 @@ def bsdf_value(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
 
 
 def abs_cosine(hit: SurfaceHit, wi: Floats) -> Floats:
-    """|cos| (n,) of wi (3, n) with the shading normal: the factor that goes with `bsdf_value`."""
+    """|cos| (n,) of wi (3, n) with the shading normal, by which `bsdf_value` is multiplied."""
     return np.abs(dot(wi, hit.ns))
 
 
 def sample_bsdf(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
-    """A direction as the material of each point would have it; pdf 0 where that is a delta lobe's.
+    """Directions drawn by the material of each point; pdf 0 for those of delta lobes. u: (2, n) in [0, 1).
 
-    u: (2, n) in [0, 1). The light of delta lobes is added to every estimate by `specular_light`.
+    `specular_light` adds the light of delta lobes to every estimate.
     """
     sample = _sample(scene, hit, u)
     if sample.specular is None:
@@ -43,7 +43,7 @@ def sample_bsdf(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
 
 
 def sample_delta_lobes(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
-    """As `sample_bsdf`, pdf 0 where the sample is not a delta lobe's."""
+    """Directions of delta lobes, drawn as by `sample_bsdf`; pdf 0 for all others."""
     sample = _sample(scene, hit, u)
     specular = False if sample.specular is None else sample.specular
     return replace(sample, pdf=np.where(specular, sample.pdf, 0.0))
@@ -69,7 +69,7 @@ def _sample(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
 
 
 def bsdf_pdf(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
-    """Density (n,) in 1/sr with which `sample_bsdf` goes along wi (3, n)."""
+    """Density (n,) in 1/sr of `sample_bsdf` along wi (3, n)."""
     hit = _of_one_material(scene, hit)
     if len(scene.materials) == 1:
         return scene.materials[0].pdf(hit, wi)

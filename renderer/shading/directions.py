@@ -1,4 +1,4 @@
-"""Directions that receivers choose for themselves, and the light that they meet."""
+"""Directions that receivers choose, and the light that they meet."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def scattered(
 def specular_light(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
     """Light that delta lobes scatter; u (2, n) chooses among the lobes of a point.
 
-    A delta lobe leaves an estimator no choice of directions, so that all of them get this same part.
+    A delta lobe leaves no choice of direction, so that all estimators share this part.
     """
     out = np.zeros_like(hit.p)
     rows = np.flatnonzero(scene.lobes[hit.shape] & Lobes.SPECULAR)

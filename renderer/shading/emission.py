@@ -1,4 +1,4 @@
-"""The look of lights from where they emit: their radiance at a point, with the image that some carry."""
+"""Radiance of lights at a point of their surface, with the image that some carry."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ Integers = NDArray[np.int64]
 
 
 def with_emission_images(scene: RenderScene, radiance: Floats, primitive: Integers, p: Floats) -> Floats:
-    """Radiance (3, n) or (3, 1) times the images of the primitives (n,), -1 for none, at points p (3, n).
+    """Radiance (3, n) or (3, 1) times the images of primitives (n,), -1 for none, at points p (3, n).
 
-    Looked up as pbrt does: bilinearly, clamped at the edges, the first row at v = 1 [pharr2023, sec. 12.4].
+    As in pbrt the look-up is bilinear and clamped at the edges, with the first row at v = 1 [pharr2023, sec.
+    12.4].
     """
     coordinates = scene.coordinates
     if coordinates is None or not scene.emission_images:

@@ -1,5 +1,5 @@
-"""The questions that estimators ask of the lights: one to sample, a direction to it, its density, and what a
-direction meets.
+"""Lights as estimators use them: the choice of one, directions to it, their density, and the light along a
+direction.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ Integers = NDArray[np.int64]
 
 
 def sources_of(scene: SceneDescription) -> list[Source]:
-    """All that sends out light."""
+    """All sources of light of a scene."""
     return [*(s for s in scene.shapes if s.emission is not None), *scene.lights]
 
 
 def missing_technique(technique: str, scene: SceneDescription, one_sided: bool = False) -> str | None:
-    """Why the technique does not do for the scene's lights and surfaces, in words, or None.
+    """The reason why the technique does not serve the scene's lights and surfaces, in words; None where it
+    does.
 
     one_sided: whether the technique goes to the side of the normals alone.
     """
@@ -42,9 +43,7 @@ def missing_technique(technique: str, scene: SceneDescription, one_sided: bool =
 
 
 def supporting_techniques(scene: RenderScene, *preferred: str) -> list[DirectionSampler]:
-    """For each kind of light the first of the preferred techniques that it has; every kind must have one of
-    them.
-    """
+    """For each kind of light the first of the preferred techniques that it has. Every kind must have one."""
     out: list[DirectionSampler] = []
     for kind in scene.lights.kinds:
         own = kind.techniques
@@ -55,8 +54,8 @@ def supporting_techniques(scene: RenderScene, *preferred: str) -> list[Direction
 def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
     """A light (n,) for each row, and the numbers (2, n) left for its direction.
 
-    u: (2, n) for a scene with one light, (3, n) for more; the choice takes the third, so that directions keep
-    a pair of dimensions that samplers stratify together.
+    u: (2, n) for a scene with one light, (3, n) for more. The third row chooses, so that directions keep a
+    pair of dimensions that samplers stratify together.
     """
     if len(scene.lights) == 1:
         return np.zeros_like(u[0], dtype=np.int64), u[:2]
@@ -64,8 +63,8 @@ def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
 
 
 def sample_discrete(cdf: Floats, u: Floats) -> Integers:
-    """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights; an entry of no weight
-    is never picked.
+    """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights. An entry without
+    weight is never picked.
     """
     last = int(np.argmax(cdf == cdf[-1]))
     entry = np.array(np.searchsorted(cdf, u * cdf[-1], side="right"), dtype=np.int64)
@@ -75,9 +74,8 @@ def sample_discrete(cdf: Floats, u: Floats) -> Integers:
 def sample_light(
     scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
 ) -> LightSample:
-    """A direction to the light of each row. techniques: one a kind. light: (n,). u: (2, n).
-
-    The pdf is the light's own.
+    """A direction to the light of each row. techniques: one for each kind. light: (n,). u: (2, n). The pdf is
+    that of the direction alone.
     """
     sample = _sampled(scene, techniques, hit, light, u)
     if not scene.emission_images:
@@ -110,8 +108,8 @@ def _sampled(
 def light_pdf(
     scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, wi: Floats
 ) -> Floats:
-    """Density (n,) in 1/sr with which light sampling would have chosen the light (n,) and gone along wi (3,
-    n); 0 where light is -1.
+    """Density (n,) in 1/sr with which light sampling chooses the light (n,) and goes along wi (3, n); 0 where
+    light is -1.
     """
     pdf = np.zeros(light.size)
     for first, rows, technique in _rows_by_kind(scene, techniques, light):
@@ -135,15 +133,14 @@ def _rows_by_kind(
 
 
 def light_pmf(scene: RenderScene, light: Integers) -> Floats:
-    """(n,) or (1,): with what probability `choose_light` picks each light (n,)."""
+    """(n,) or (1,): the probability with which `choose_light` picks each light (n,)."""
     return gather(scene.lights.pmf, light)
 
 
 def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, Floats]:
-    """The light that each point sees first along wi (3, n) if nothing but lights were there, and its Le (3,
-    n).
+    """The light (n,) that each point would see along wi (3, n) if lights alone were there, and its Le (3, n).
 
-    The light is -1 and its distance inf where there is none; an environment is behind all else.
+    The light is -1 and its distance inf where there is none. An environment lies behind all others.
     """
     everyone = scene.lights.primitive[(scene.lights.primitive >= 0) & ~scene.lights.delta]
     coincident, leaves = scene.lights.coincident, hit.primitive
@@ -190,7 +187,9 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
 def _one_each(
     scene: RenderScene, coincident: Coincident, everyone: Integers, leaves: Integers
 ) -> tuple[Integers, Integers]:
-    """Of primitives that coincide the first alone: among `everyone`, and for those that rays leave (n,)."""
+    """The primitives among `everyone`, and those that rays leave (n,), with the first of each place for all
+    that coincide.
+    """
     lights = scene.lights
     of = np.where(leaves >= 0, lights.of_primitive[leaves], -1)
     first = np.where(of >= 0, lights.primitive[coincident.first[of]], leaves)

@@ -28,12 +28,16 @@ TINY = np.finfo(np.float64).tiny
 
 
 def projected(cosine: Floats, alpha: Floats) -> Floats:
-    """q(mu): the cosine of the direction stretched to where microfacets are a hemisphere. cosine: (n,)."""
+    """q(mu): the cosine of the direction after the stretch that makes microfacets a hemisphere.
+    cosine: (n,).
+    """
     return np.sqrt(cosine * cosine + alpha * alpha * ((1.0 - cosine) * (1.0 + cosine)))
 
 
 def distribution(n: Floats, m: Floats, alpha: Floats) -> Floats:
-    """D (n,) in 1/sr at microfacet normals m (3, n), of any length; the sine is taken across n."""
+    """D (n,) in 1/sr at microfacet normals m (3, n) of any length. The sine comes from the part of m across
+    n.
+    """
     return _distribution(n, m, alpha)[0]
 
 
@@ -68,9 +72,8 @@ def visible_normal(n: Floats, wo: Floats, alpha: Floats, u: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Facets:
-    """The microfacets of points. n: (3, n) normals. alpha: (n,) or (1,), along x where they are anisotropic.
-
-    axes: x along dp/du and y across it, (3, n) unit, with alpha_v (n,) or (1,); None of isotropic ones.
+    """The microfacets of points. n: (3, n) normals. alpha: (n,) or (1,), along x for anisotropic ones. axes:
+    x along dp/du and y across it, (3, n) unit, with alpha_v (n,) or (1,); None for isotropic ones.
     """
 
     n: Floats
@@ -85,10 +88,10 @@ class Facets:
         alpha_v: Floats | None,
         varying: tuple[tuple[int, Roughness], ...] = (),
     ) -> Facets:
-        """alpha, alpha_v: (s,) of shapes; None where all of them are isotropic. varying: by shape, what
-        stands in their place.
+        """The microfacets of points. alpha, alpha_v: (s,) of shapes; alpha_v None where all are isotropic.
+        varying: by shape, the textures that give alpha instead.
 
-        Without a tangent x is as pbrt chooses it, by the normal alone.
+        Without a tangent, x is chosen by the normal alone, as pbrt does.
         """
         along, across = gather(alpha, hit.shape), None if alpha_v is None else gather(alpha_v, hit.shape)
         if varying:
@@ -122,7 +125,7 @@ class Facets:
         return root * root * (both / np.pi), square
 
     def visible_normal(self, wo: Floats, u: Floats) -> Floats:
-        """As the function of that name."""
+        """Microfacet normals (3, n) that wo sees; see the function `visible_normal`."""
         if self.axes is None:
             return visible_normal(self.n, wo, self.alpha, u)
         x, y, alpha_v = self.axes
@@ -140,7 +143,7 @@ class Facets:
 def varying_alphas(
     hit: SurfaceHit, along: Floats, across: Floats | None, varying: tuple[tuple[int, Roughness], ...]
 ) -> tuple[Floats, Floats | None]:
-    """The alphas (n,) with those of textures where shapes have them."""
+    """The alphas (n,), from textures where shapes have them."""
     along = np.broadcast_to(along, hit.shape.shape).copy()
     across = None if across is None else np.broadcast_to(across, hit.shape.shape).copy()
     for shape, roughness in varying:
@@ -158,7 +161,7 @@ def varying_alphas(
 def textured_roughness(
     shapes: Sequence[ShapeDescription], kind: type[Microfacets]
 ) -> tuple[tuple[int, Roughness], ...]:
-    """Of the shapes whose material is of this kind and varies, by number."""
+    """The textured roughness of shapes whose material is of this kind, by the number of the shape."""
     return tuple(
         (i, s.material.varying)
         for i, s in enumerate(shapes)
@@ -167,17 +170,18 @@ def textured_roughness(
 
 
 def alphas_across(alpha: Floats, alpha_v: list[float | None]) -> Floats | None:
-    """(s,) the alphas across dp/du of shapes, alpha (s,) where none is given; None if all are isotropic."""
+    """(s,) the alphas across dp/du of shapes; alpha (s,) where none is given. None if all are isotropic."""
     if all(one is None for one in alpha_v):
         return None
     return np.array([a if v is None else v for a, v in zip(alpha, alpha_v, strict=True)])
 
 
 def fresnel_dielectric(cosine: Floats, eta: Floats) -> tuple[Floats, Floats]:
-    """Reflectance (n,) of a smooth boundary, and the cosine (n,) of what is refracted, 0 where nothing is.
+    """Reflectance (n,) of a smooth boundary, and the cosine (n,) of refraction, 0 under total reflection
+    [pharr2023, sec. 9.3.5].
 
     cosine: (n,) in [0, 1], of the incident direction. eta: (n,), the index behind the boundary over that
-    before it. Source: [pharr2023, sec. 9.3.5].
+    before it.
     """
     # cos^2 behind the boundary, written so that it keeps its digits where both sides are nearly alike.
     squared = (cosine * cosine + (eta - 1.0) * (eta + 1.0)) / (eta * eta)
@@ -188,5 +192,5 @@ def fresnel_dielectric(cosine: Floats, eta: Floats) -> tuple[Floats, Floats]:
 
 
 def _contrast(a: Floats, b: Floats) -> Floats:
-    """(a - b) / (a + b) of what is not negative; 1 where both are 0."""
+    """(a - b) / (a + b) of numbers that are not negative; 1 where both are 0."""
     return np.where(a + b > 0, (a - b) / np.maximum(a + b, TINY), 1.0)

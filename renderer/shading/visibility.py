@@ -20,9 +20,9 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The aim of a ray wi (3, n): which light (n,), -1 for none, at what distance (n,), inf for what has
-    none, and
-    its normal there (3, n) or (3, 1), 0 where the ray ends in free space."""
+    """The aims of rays wi (3, n). light: (n,), -1 for none. dist: (n,), inf for an environment. normal: (3,
+    n) or (3, 1), the aim's, 0 where the ray ends in free space.
+    """
 
     light: Integers
     wi: Floats
@@ -33,8 +33,8 @@ class Seen:
 def visible(
     scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, useful: Bools, radiance: Floats
 ) -> Reflected:
-    """The share of `radiance` (3, n) that arrives: 0 where it is not `useful` (n,), and where something lies
-    in between.
+    """The `radiance` (3, n) that arrives: 0 where a row is not `useful` (n,), and where something blocks the
+    ray.
 
     Rows that are not useful may hold anything. Shadow rays are traced where the plan calls for them.
     """
@@ -51,9 +51,7 @@ def visible(
 
 
 def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, rows: Integers) -> Bools:
-    """(m,): whether anything of the plan's blockers lies between the points of `rows` (m,) and what they
-    would see.
-    """
+    """(m,): whether a blocker of the plan lies between the points `rows` (m,) and their aims."""
     some, wi = hit.take(rows), seen.wi.take(rows, axis=1)
     p, n = some.p, some.normal_towards(wi)
     dist, ny = seen.dist[rows], gather(seen.normal, rows)
@@ -88,6 +86,6 @@ def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, ro
 
 
 def _stopped(scene: RenderScene, holed: Perforated, hit: SurfaceHit, wi: Floats, dist: Floats) -> Bools:
-    """(n,): whether a shape with an alpha stops the rays wi (3, n) before the distance dist (n,)."""
+    """(n,): whether a shape with an alpha stops the rays wi (3, n) within the distance dist (n,)."""
     reach = np.minimum(dist, scene.scene_diameter) - scene.contact_epsilon
     return holed.occluded(hit.p, hit.normal_towards(wi), hit.triangle, hit.primitive, wi, reach)

@@ -1,1 +1,1 @@
-"""Mathematics of solid angles and of maps of the sphere: functions over arrays, no lights."""
+"""Solid angles and maps of the sphere, as functions over arrays that know no lights."""

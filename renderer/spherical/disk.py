@@ -46,9 +46,8 @@ FLAT = 1e-30
 
 @dataclass(frozen=True, eq=False)
 class DiskView:
-    """How a disk is seen: (n,) arrays.
-
-    Lengths are in radii; the axis lies `tilt` from the disk's own axis.
+    """The view of a disk, in arrays (n,). Lengths are in radii; the cone's axis lies `tilt` from the disk's
+    axis.
     """
 
     height: Floats
@@ -64,11 +63,10 @@ class DiskView:
 
 
 def disk_view(height: Floats, offset: Floats, radius: Floats) -> DiskView:
-    """How a disk is seen from a point at `height` over its plane (its absolute value counts) and `offset`
-    from its axis.
+    """The view of a disk from a point at `height` over its plane, of either sign, and `offset` from its axis.
 
     height, offset (>= 0), radius: (n,), or (1,) to be broadcast, in one unit of length. In the plane (height
-    0) the minor angle is 0 outside the rim and 90 degrees inside it, and at the rim NaN.
+    0) the minor angle is 0 outside the rim, 90 degrees inside it, and NaN at the rim.
     """
     h, o = np.abs(height) / radius, offset / radius
     inner, outer = (offset - radius) / radius, (offset + radius) / radius
@@ -103,11 +101,11 @@ def solid_angle(view: DiskView) -> Floats:
 
 
 def sample(view: DiskView, omega: Floats, u: Floats) -> Floats:
-    """Unit directions (3, n), uniform in the solid angle `omega` (n,): towards the offset, across it, and to
-    the disk's plane.
+    """Unit directions (3, n), uniform in the solid angle `omega` (n,), along three axes: towards the disk's
+    axis, across that, and to the disk's plane.
 
     u: (2, n) in [0, 1). u[0] goes from the near end to the far one, u[1] across. Rows with omega = 0 give NaN
-    or anything. The third component keeps its relative accuracy at grazing incidence: height / it is the
+    or anything. The third component keeps its relative accuracy at grazing incidence: height over it is the
     distance to the disk.
     """
     tail = 2.0 * np.minimum(u[0], 1.0 - u[0])
@@ -133,11 +131,10 @@ def sample(view: DiskView, omega: Floats, u: Floats) -> Floats:
 
 
 def invert(view: DiskView, omega: Floats, wi: Floats) -> Floats:
-    """The u (2, n) that `sample` maps to the directions wi (3, n), in its frame. Directions off the disk give
-    its border.
+    """The u (2, n) that `sample` maps to directions wi (3, n) of its frame, not necessarily unit. Directions
+    off the disk give its border.
 
-    wi need not be of unit length. What rounding does to wi, some 1e-16, shows divided by the half-angles of
-    the ellipse.
+    Rounding of wi, some 1e-16, shows divided by the half-angles of the ellipse.
     """
     along, across, down = wi
     inner, outer = view.offset - 1.0, view.offset + 1.0

@@ -33,11 +33,11 @@ ROUND = 1e-30
 
 
 def disk_irradiance(view: DiskView, along: Floats, across: Floats, down: Floats) -> Floats:
-    """Irradiance (n,) per unit of radiance, W/m^2 per W/(m^2 sr), from a disk that emits towards the point.
+    """Irradiance (n,) per unit of radiance, W/m^2 per W/(m^2 sr), from a disk that emits towards the point; 0
+    in the disk's plane.
 
-    view: `disk_view` of the disk. along, across, down: (n,) components of the receiver's unit normal towards
-    the disk's axis, across that, and to the disk's plane: the frame of `renderer.spherical.disk.sample`. 0 in
-    the disk's plane.
+    view: `disk_view` of the disk. along, across, down: (n,) components of the receiver's unit normal in the
+    frame of `disk.sample`: towards the disk's axis, across that, and to the disk's plane.
     """
     minor = along * view.cos_tilt - down * view.sin_tilt
     axis = along * view.sin_tilt + down * view.cos_tilt
@@ -47,11 +47,11 @@ def disk_irradiance(view: DiskView, along: Floats, across: Floats, down: Floats)
 
 
 def sphere_irradiance(sine: Floats, cosine: Floats, facing: Floats) -> Floats:
-    """Irradiance (n,) per unit of radiance from a sphere seen from outside: its cone's half-angle, and what
-    it faces.
+    """Irradiance (n,) per unit of radiance from a sphere seen from outside. Wholly above the horizon it is pi
+    sine^2 facing.
 
-    sine, cosine: (n,) of the half-angle, sine = radius / distance. facing: (n,) cosine between the receiver's
-    normal and the direction of the centre. Wholly above the horizon it is pi sine^2 facing.
+    sine, cosine: (n,) of the cone's half-angle, sine = radius / distance. facing: (n,) cosine between the
+    receiver's normal and the direction of the centre.
     """
     level = np.sqrt(np.maximum((1.0 - facing) * (1.0 + facing), 0.0))
     zero = np.zeros_like(sine)
@@ -60,11 +60,11 @@ def sphere_irradiance(sine: Floats, cosine: Floats, facing: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Cut:
-    """A cone that the horizon cuts: (n,) arrays. On the border, at the parameter t of the ellipse, n . w ~
-    cos(t - turn) + depth.
+    """A cone that the horizon cuts, in arrays (n,).
 
-    Border points are (sin a ratio cos t, sin b sin t, cos b), not of unit length; ratio = cos b / cos a.
-    `size` is that of the normal along the ellipse's axes, (x sin a ratio, y sin b).
+    Border points are (sin a ratio cos t, sin b sin t, cos b), not of unit length, with ratio = cos b / cos a;
+    there n . w ~ cos(t - turn) + depth. `size` is the length of the normal along the ellipse's axes, (x sin a
+    ratio, y sin b).
     """
 
     normal: tuple[Floats, Floats, Floats]
@@ -105,7 +105,9 @@ def _cone(
     cosines: tuple[Floats, Floats],
     foci: Floats,
 ) -> Floats:
-    """The three cases. foci: sqrt(sin^2 b - sin^2 a), given since the difference would cancel."""
+    """Irradiance by one of the three cases. foci: sqrt(sin^2 b - sin^2 a), given since the difference would
+    cancel.
+    """
     x, y, z = normal
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where(cosines[0] > 0, cosines[1] / cosines[0], 1.0)

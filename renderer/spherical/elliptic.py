@@ -1,6 +1,4 @@
-"""The two elliptic integrals that a disk's solid angle is made of, both of positive terms only, so that
-neither cancels.
-"""
+"""Two elliptic integrals of the solid angle of a disk, by positive terms only, so that neither cancels."""
 
 from __future__ import annotations
 

@@ -19,10 +19,9 @@ NEXT, LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The sectors of n polygons. number: (slots, n), which of `sectors` is in a slot, -1 for none. area:
-    (slots, n), theirs.
-
-    total: (n,), the projected solid angles of the polygons, which are their irradiances per unit radiance.
+    """The sectors of n polygons. number: (slots, n) the sector of `sectors` in each slot, -1 for none. area:
+    (slots, n) of the sectors. total: (n,) the projected solid angles of the polygons, their irradiances per
+    unit of radiance.
     """
 
     sectors: Sectors
@@ -55,9 +54,8 @@ class _Triangles:
 
 
 def table(polygon: Polygon) -> Table:
-    """All sectors of polygons.
-
-    Triangles that hold the zenith have three, to the zenith; others two, that share corner 1.
+    """All sectors of polygons. A triangle that holds the zenith has three, which meet there; any other has
+    two, which share corner 1.
     """
     n = polygon.base.shape[1]
     number = np.full((3 * len(polygon.volume), n), -1, dtype=np.int64)
@@ -142,7 +140,7 @@ def _sectors(t: _Triangles, j: int) -> Sectors:
 
 
 def _slope(edge: Floats, x: Floats, y: Floats, a: Floats) -> Floats:
-    """How much an edge rises above the tangent a of its start's elevation, kept up along the start's azimuth
-    (x, y).
+    """The rise of an edge above the tangent of its start's elevation, kept up along the start's azimuth (x,
+    y).
     """
     return edge[2] - a * (edge[0] * x + edge[1] * y)

@@ -1,4 +1,4 @@
-"""Images laid on the sphere: which texel a direction falls on, and the directions of a texel."""
+"""Images on the sphere: the texel in a direction, and the directions of a texel."""
 
 from __future__ import annotations
 
@@ -14,10 +14,8 @@ from renderer.spherical import latlong, octahedral
 
 @dataclass(frozen=True, eq=False)
 class SphereGrid:
-    """k images, their texels numbered through, row by row.
-
-    height, width: (k,). latlong: (k,) bool, latitude-longitude images; the others are square and octahedral.
-    first: (k,) number of an image's first texel.
+    """k images whose texels are numbered through, row by row. height, width: (k,). latlong: (k,) bool,
+    latitude-longitude images; the others are square and octahedral. first: (k,) an image's first texel.
     """
 
     height: NDArray[np.int64]
@@ -26,7 +24,7 @@ class SphereGrid:
     first: NDArray[np.int64]
 
     def texel(self, index: Integers, place: Place) -> NDArray[np.int64]:
-        """The number (n,) of each place's texel. index: (n,) which image."""
+        """The texel numbers (n,) of places. index: (n,) the image."""
         return self.first.take(index) + place.row * self.width.take(index) + place.column
 
     def direction(self, index: Integers, place: Place) -> Floats:
@@ -42,16 +40,15 @@ class SphereGrid:
         )
 
     def texel_at(self, index: Integers, w: Floats) -> NDArray[np.int64]:
-        """The number (n,) of the texel that unit vectors w (3, n) fall on; on an edge, either of two.
-
-        NaN falls on the first.
+        """The texel numbers (n,) in directions w (3, n), unit; on an edge, either of two. NaN gives the first
+        texel.
         """
         along, down = self._position(index, w)
         height, width = self.height.take(index), self.width.take(index)
         return self.first.take(index) + _cell(down, height) * width + _cell(along, width)
 
     def place(self, index: Integers, w: Floats) -> Place:
-        """Where unit vectors w (3, n) fall: the inverse of `direction`."""
+        """Places of unit vectors w (3, n): the inverse of `direction`."""
         along, down = self._position(index, w)
         height, width = self.height.take(index), self.width.take(index)
         row, column = _cell(down, height), _cell(along, width)
@@ -61,7 +58,7 @@ class SphereGrid:
         return Place(row, column, np.clip(along - column, 0.0, BELOW_ONE), np.clip(y, 0.0, BELOW_ONE))
 
     def _position(self, index: Integers, w: Floats) -> Floats:
-        """Column and row (2, n) with their fractions, nearest look-up being the floor."""
+        """Column and row (2, n) with their fractions; nearest look-up takes the floor."""
         if self.latlong.all():
             square = latlong.sphere_to_square(w)
         elif self.latlong.any():
@@ -86,8 +83,8 @@ class SphereGrid:
         return ((4 * np.pi / width) * middle * np.sin(0.5 * np.pi / height))[:, None]
 
     def above(self, image: int) -> Floats:
-        """(h, w): the part of each texel that has z > 0, for images of an even height: 0, 1, or 1/2 where z =
-        0 is its diagonal.
+        """(h, w): the part of each texel with z > 0, for images of an even height: 0, 1, or 1/2 where z = 0
+        is its diagonal.
         """
         height, width = int(self.height[image]), int(self.width[image])
         if height % 2:
@@ -108,7 +105,7 @@ def _octahedral(place: Place, size: Integers) -> Floats:
 
 
 def _cell(position: Floats, count: Integers) -> NDArray[np.int64]:
-    """The cell (n,) of 0 ... count - 1 that holds a position in [0, count]; NaN counts as 0, since no cast
-    may meet it.
+    """The cell (n,) of 0 ... count - 1 that holds a position in [0, count]; NaN counts as 0, since a cast of
+    NaN is undefined.
     """
     return np.fmin(np.fmax(position, 0.0), count - 1.0).astype(np.int64)

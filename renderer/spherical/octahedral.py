@@ -54,7 +54,7 @@ def sphere_to_square(w: Floats) -> Floats:
 
 
 def around_edges(u: Floats) -> Floats:
-    """Points (2, n) beyond the unit square, by less than its size, where the octahedron goes on."""
+    """Points (2, n) up to one size beyond the unit square, folded back to where the octahedron goes on."""
     x, y = _folded(u[0], u[1])
     y, x = _folded(y, x)
     return np.stack([x, y])
@@ -88,7 +88,7 @@ def bilinear_on_sphere(image: Floats, w: Floats) -> Floats:
 def wrapped_texels(
     column: NDArray[np.int64], row: NDArray[np.int64], size: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The texel that a column and a row, one beyond the image at most, stand for."""
+    """The texel that a column and a row stand for which lie one beyond the image at most."""
     if size == 1:
         return np.zeros_like(column), np.zeros_like(row)
     out = (column < 0) | (column >= size)

@@ -1,10 +1,9 @@
-"""Convex polygons as a surface sees them: turned into the surface's frame, clipped at its horizon, cut into
-triangles.
+"""Convex polygons as a surface sees them: in the surface's frame, clipped at its horizon, cut into triangles.
 
-A point's frame has its third axis along the surface's normal, so that heights over the horizon are third
-coordinates, and is mirrored where the polygon turns clockwise: all that follows sees polygons turn
-counter-clockwise about the zenith. Corners are held as one corner and the others' offsets from it; corner -
-corner would carry the rounding of the distance.
+The third axis of a point's frame is the surface's normal, so that third coordinates are heights over the
+horizon. The frame is mirrored where the polygon turns clockwise, so that every polygon turns
+counter-clockwise about the zenith. A polygon is held as one corner and the offsets of the others; a
+difference of corners would carry the rounding of the distance.
 """
 
 from __future__ import annotations
@@ -21,11 +20,12 @@ Frame = tuple[Floats, Floats, Floats]
 
 @dataclass(frozen=True, eq=False)
 class Polygon:
-    """Corners (m of each) in the frames of n points, those that have all corners below the horizon included.
+    """Polygons of up to m corners in the frames of n points; a polygon wholly below the horizon has volumes
+    of 0.
 
     base: (3, n), where the offsets start. offset: (3, m, n), the corners from there. up: (m, n), their
-    heights, >= 0. volume: (m - 2, n), the triple products of the triangles of the fan at the first corner; 0
-    where there is none. frame: the axes in the world, each (3, n).
+    heights, >= 0. volume: (m - 2, n), the triple products of the triangles of the fan at the first corner, 0
+    for none. frame: the axes in the world, (3, n) each.
     """
 
     base: Floats
@@ -44,12 +44,12 @@ class Polygon:
 
 
 def seen_from(corner: Floats, others: Floats, ref_n: Floats) -> Polygon:
-    """The part above the horizon of convex planar polygons; m is one more than their corners, the last
-    repeated as needed.
+    """The part above the horizon of convex planar polygons, with one corner more; the last is repeated as
+    needed.
 
-    corner: (3, n), the first as seen from the points. others: (3, v - 1, n) or (3, v - 1, 1), the rest in
-    order, as offsets from the first. ref_n: (3, n), the surface's normal, unit. What is seen edge-on, or
-    merely touches the horizon, has volumes of 0 only.
+    corner: (3, n), the first corner relative to the points. others: (3, v - 1, n) or (3, v - 1, 1), the
+    others as offsets from the first, in order. ref_n: (3, n), the surface's unit normal. A polygon seen
+    edge-on, or one that merely touches the horizon, has volumes of 0.
     """
     area = cross(others[:, 0], others[:, 1])
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -93,7 +93,7 @@ def _clip(offset: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def _cut(above: Floats, up: Floats, below: Floats, down: Floats) -> Floats:
-    """Where the edge from a corner above, at height up > 0, to one below, at height down <= 0, meets the
-    horizon.
+    """The point where an edge meets the horizon, from a corner at height up > 0 to one at height
+    down <= 0.
     """
     return above + (below - above) * (up / (up - down))

@@ -94,7 +94,7 @@ def invert(wi: Floats, corner: Floats, others: Floats, ref_n: Floats) -> Floats:
 
 
 def _choose(parts: Table, u: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Which sector u (n,) falls into, by the running sum of areas, and what of the area is left in it."""
+    """The sector that u (n,) falls into by the running sum of areas, and the area left in it."""
     target = u * parts.total
     number, rest, before = parts.number[0].copy(), target.copy(), np.zeros_like(target)
     for one, area in zip(parts.number, parts.area, strict=True):

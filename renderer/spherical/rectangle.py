@@ -73,10 +73,10 @@ def invert(
 
 
 def _search(x: Floats, target: Floats, x0: Floats, x1: Floats, y0: Floats, y1: Floats, z: Floats) -> Floats:
-    """The x (n,) left of which lies a solid angle of target (n,): Newton's steps, halving where one leaves
+    """The x (n,) to whose left lies a solid angle of `target` (n,): Newton's steps, halved where one leaves
     the bracket.
 
-    A row stops when its own step no longer moves it, so that its bits do not depend on the other rows.
+    A row stops when its own step no longer moves it, so that its bits do not depend on other rows.
     """
     x, low, high = x.copy(), x0.copy(), x1.copy()
     rows = np.arange(x.size)

@@ -41,11 +41,12 @@ NODES, WEIGHTS = tuple((_NODES + 1.0) / 2.0), tuple(_WEIGHTS / 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Sectors:
-    """Sectors, each field (q,). x, y: the unit direction of the start. turn: 1 where azimuth grows from
-    there, -1 where it falls.
+    """Sectors of azimuth, each field (q,).
 
-    width: the angle. start: a, the tangent of the elevation there. outer: slope of the outer edge; excess: d,
-    what the inner has more. to_zenith: 1 where there is no inner edge, else 0. narrow: whether Gauss is used.
+    x, y: the unit direction of the start. turn: 1 where azimuth grows from there, -1 where it falls. width:
+    the angle. start: a, the tangent of the elevation at the start. outer: the outer edge's slope. excess: d,
+    the slope of the inner edge less that of the outer. to_zenith: 1 without an inner edge, else 0. narrow:
+    whether Gauss is used.
     """
 
     x: Floats
@@ -79,13 +80,13 @@ class Sectors:
         return 0.5 / (1.0 + zo * zo) * np.where(self.to_zenith, 1.0, gap * (zo + zi) / (1.0 + zi * zi))
 
     def solve(self, target: Floats) -> Floats:
-        """The angles t (q,) at which G comes to target (q,): Newton's steps, halving where one leaves the
+        """The angles t (q,) at which G reaches `target` (q,): Newton's steps, halved where one leaves the
         bracket.
 
-        Started by a power law that has the right area and rate at the far end. A row stops by its own numbers
-        only, so that its bits do not depend on the other rows: where G was off by no more than 1e-9 of the
-        target before its last step, or where the step was lost in the rounding of t. (Steps of 1e-8 would not
-        do: a sliver through the zenith has all its area in the last 1e-8 of its azimuths.)
+        The start is a power law with the right area and rate at the far end. A row stops by its own numbers,
+        so that its bits do not depend on other rows: where G was off by at most 1e-9 of the target before its
+        last step, or where the step was lost in the rounding of t. (Steps of 1e-8 would not do: a sliver
+        through the zenith has all its area in the last 1e-8 of its azimuths.)
         """
         whole = self.area(self.width)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -119,8 +120,8 @@ class Sectors:
         return out
 
     def direction(self, t: Floats, u: Floats) -> Floats:
-        """Unit directions (3, q) at the angles t (q,), the squared distance from the axis uniform by u (q,)
-        from inner to outer.
+        """Unit directions (3, q) at the angles t (q,); u (q,) is the share of the squared distance from the
+        axis between inner and outer edge.
         """
         outer, inner = self._squares(t)
         rho, up = (np.sqrt((1.0 - u) * b + u * a) for a, b in zip(outer, inner, strict=True))
@@ -130,8 +131,8 @@ class Sectors:
         )
 
     def locate(self, wi: Floats) -> tuple[Floats, Floats, Floats]:
-        """The t and u (q,) of directions wi (3, q), and how far inside of the sector they are: below 0 where
-        they are outside.
+        """The t and u (q,) of directions wi (3, q), and their distance (q,) inside the sector, negative
+        outside.
         """
         along, across = self.x * wi[0] + self.y * wi[1], self.turn * (self.x * wi[1] - self.y * wi[0])
         t = np.arctan2(across, along)

@@ -73,10 +73,10 @@ def solid_angle(a: Floats, ab: Floats, ac: Floats) -> Floats:
 
 
 def sample(u: Floats, a: Floats, ab: Floats, ac: Floats) -> tuple[Floats, Floats]:
-    """Points (3, n) of triangles, uniform in solid angle, and the solid angle (n,); u: (2, n), the rest as
+    """Points (3, n) of triangles, uniform in solid angle, and the solid angle (n,). u: (2, n); the rest as
     for `solid_angle`.
 
-    Where the solid angle is 0 the point is one of the triangle, or NaN.
+    Where the solid angle is 0 the point lies on the triangle or is NaN.
     """
     t = _with_stable_edge(a, ab, ac)
     half = t.half()
@@ -138,7 +138,7 @@ def _pick(one: Bools, two: Bools, x: Floats, y: Floats, z: Floats) -> Floats:
 
 
 def _cut(half: Floats, t: _StableTriangle) -> Floats:
-    """How far along the edge ac (n,) in [0, 1] the solid angle beside ab comes to 2 half."""
+    """The place (n,) on the edge ac, in [0, 1], up to which the solid angle beside ab is 2 half."""
     sine, cosine = np.sin(half), np.cos(half)
     upper = t.ra * t.volume * cosine - sine * dot(cross(t.a, t.ac), t.k)
     p, q = t.volume * cosine - sine * t.slope, t.bend * sine * np.sqrt(dot(t.ac, t.ac))
