@@ -11,7 +11,7 @@ from functools import cached_property, singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.math.vectors import Floats, combine, normalize
+from renderer.math.vectors import Floats, combine, dot, normalize
 from renderer.math.warp import concentric_disk
 from renderer.pixel_filter import offsets
 from renderer.spherical.octahedral import around_edges, square_to_sphere
@@ -70,6 +70,14 @@ class Camera:
         in units of `focus`.
         """
         return self.origin + self._ahead(x, y, distance)
+
+    def distance(self, p: Floats) -> Floats:
+        """(n,) from points p (3, n) to where their rays start: the pinhole, the lens's middle, or the film."""
+        away = p - self.origin
+        if self.forward is None or self.lens is not None:
+            return np.sqrt(dot(away, away))
+        inward = np.linalg.inv(np.hstack([self.du, self.dv, self.forward]))[2]
+        return np.abs(dot(inward[:, None], away - self.corner)) * float(np.linalg.norm(self.forward))
 
     def _film(self, x: Floats, y: Floats) -> Floats:
         p = self.du * x

@@ -133,8 +133,7 @@ def _visibility(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats
 def _nearness(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Floats:
     """Along a direction of the hemisphere a light, or what may shade the point, is nearer than CONTACT."""
     wi = combine(frame_about(hit.n), *uniform_hemisphere(u))
-    away = hit.p - scene.camera.origin
-    reach = CONTACT * np.sqrt(dot(away, away))
+    reach = CONTACT * scene.camera.distance(hit.p)
     near = light_along(scene, hit, wi)[0].dist < reach
     rows = np.arange(reach.size, dtype=np.int64)
     near |= hidden(scene, plan, hit, Seen(np.full_like(rows, -1), wi, reach, -wi), rows)

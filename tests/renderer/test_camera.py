@@ -103,3 +103,20 @@ def test_no_ray_leaves_what_the_camera_sees(kind: str):
     assert camera.sees(box)
     assert not camera.sees(box + camera.origin - 20 * forward)
     assert not camera.sees(box + camera.origin + 5 * forward + 50 * eye.camera_to_world[:3, 0:1])
+
+
+@pytest.mark.parametrize("sheared", [False, True])
+@pytest.mark.parametrize("parallel", [False, True])
+def test_distances_are_those_that_rays_go(parallel: bool, sheared: bool):
+    """Of parallel rays from the film: a distance from its middle is off by a multiple at its rim."""
+    eye, film = look_at([1, 2, 3], [0, 0, 0], 40, 30)
+    matrix = eye.camera_to_world
+    if sheared:
+        matrix = matrix @ np.array([[1, 0.2, 0.4, 0], [0, 2, 0.3, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    camera = make_camera(
+        OrthographicCamera(matrix) if parallel else replace(eye, camera_to_world=matrix), film
+    )
+    rng = np.random.default_rng(5)
+    o, d = camera.through(*(rng.random((2, 50)) * [[40.0], [30.0]]))
+    t = rng.random(50) * 10
+    np.testing.assert_allclose(camera.distance(o + t * d), t, atol=1e-12)
