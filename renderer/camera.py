@@ -72,7 +72,7 @@ class Camera:
         return self.origin + self._ahead(x, y, distance)
 
     def distance(self, p: Floats) -> Floats:
-        """(n,) from points p (3, n) to where their rays start: the pinhole, the lens's middle, or the film."""
+        """(n,) of points p (3, n) from where their rays start: pinhole, middle of the lens, or film."""
         away = p - self.origin
         if self.forward is None or self.lens is not None:
             return np.sqrt(dot(away, away))

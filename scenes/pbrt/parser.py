@@ -148,8 +148,9 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
         return []  # no ray ever meets it
     mixed = isinstance(material, MixedMaterial) and material.has_relief
     if (relief is not None or mixed) and isinstance(placed.geometry, Quadric):
-        what = f"a normal map or displacement on part of a {placed.geometry.form}"
-        builder.report.substitute(what, "without it", placed.where)
+        builder.report.substitute(
+            f"a normal map or displacement on part of a {placed.geometry.form}", "without it", placed.where
+        )
         relief = None
         material = material.without_reliefs() if isinstance(material, MixedMaterial) else material
     if not varies:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from scenes.errors import SceneError
+from scenes.pbrt.directives.integrator import TRANSPORT
 from scenes.pbrt.kinds import PBRT, Kinds, kinds, table
+from scenes.pbrt.parameter_tables import parameter_table, stand_in_table
 from scenes.pbrt.parser import parse
 from tests.kit.scene_texts import HEAD
 
@@ -18,6 +21,27 @@ def test_the_page_holds_the_table_of_the_code() -> None:
     assert table() in PAGE.read_text(encoding="utf-8"), (
         "docs/scenes.md is stale: `python -m scenes.pbrt.kinds` prints its table"
     )
+
+
+@pytest.mark.parametrize("made", [parameter_table, stand_in_table])
+def test_the_page_holds_the_tables_of_the_readers(made: Callable[[], str]) -> None:
+    assert made() in PAGE.read_text(encoding="utf-8"), (
+        "docs/scenes.md is stale: `python -m scenes.pbrt.parameter_tables` prints its tables"
+    )
+
+
+def test_the_readers_tell_what_they_ask_for() -> None:
+    """A reader that stopped at once, for want of what it needs, would leave an empty row."""
+    rows = dict(line.strip("| ").split(" | ") for line in parameter_table().splitlines()[2:])
+    assert rows['`Shape "plymesh"`'].startswith("`filename`, ")
+    assert "`roughness` (or a texture)" in rows['`Material "coateddiffuse"`']
+    assert rows['`Shape "sphere"`'] == "`radius`, `zmin`, `zmax`, `phimax`, `alpha` (or a texture)"
+    silent = {kind for kind, found in rows.items() if found == "none that has an effect"}
+    assert silent == {
+        *(f'`Integrator "{kind}"`' for kind in TRANSPORT if f'`Integrator "{kind}"`' in rows),
+        '`Integrator "simplevolpath"`', '`Integrator "randomwalk"`', '`Material "interface"`',
+        '`PixelFilter "mitchell"`', '`PixelFilter "sinc"`', '`Texture "windy"`', '`Texture "ptex"`',
+    }  # fmt: skip
 
 
 def test_every_kind_of_pbrt_is_in_the_table_once() -> None:

@@ -87,6 +87,11 @@ class Parameters:
         self._defaults = [item for item in defaults if item.name not in self._given]
         self._unread |= {item.name: item for item in self._defaults if item.name in EFFECTIVE}
 
+    @property
+    def supported(self) -> tuple[tuple[tuple[str, ...], str], ...]:
+        """Types and name of each parameter that was asked for so far."""
+        return tuple(self._supported)
+
     def located(self, name: str) -> Location:
         """Where `name` was given; where the directive stands if it was not."""
         found = next((item for item in self._items(name)), None)
