@@ -96,7 +96,7 @@ def _read(directive: str, kind: str, type_: str, folder: Path) -> Parameters:
 
 
 def stand_in_table() -> str:
-    """What has a stand-in, as Markdown: read from the readers' own sources, … for what they put in."""
+    """Stand-ins as Markdown, read from the readers' own sources; … for what they put in."""
     lines = ["| part | rendered by `--substitute` |", "| --- | --- |"]
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
