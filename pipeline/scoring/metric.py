@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.schema.record import Score
+from scenes.arrays import Mask
 from scenes.registry import Registry
 
 Image = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Better = Literal["lower", "higher", "zero"]
 Judges = Literal["error", "bias", "samples", "defects"]
 

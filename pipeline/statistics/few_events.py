@@ -26,13 +26,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.statistics.moments import Draws, Moments
 from pipeline.statistics.numerics import relative_entropy
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from scenes.arrays import Array, Mask
 
 EVENTS = 100.0  # of the largest draws in a region's light, which then has a relative error of a tenth at most
 # standard errors that a sampled reference's mean may be off by: 2e-9, below every level that is asked for

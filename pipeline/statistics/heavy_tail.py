@@ -20,11 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.statistics.numerics import gamma_quantile
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 SHARE_LIMIT = 0.1  # a new draw of this one sample would move the mean by a tenth
 INDEX_LIMIT = 2.0  # a power law with a smaller index has no variance

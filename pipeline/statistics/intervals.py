@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.schema.record import Score
 from pipeline.statistics.numerics import bootstrap_ends, normal_tail, student_tail
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 CONFIDENCE = 0.95
 NORMAL = normal_tail((1 - CONFIDENCE) / 2)  # 1.96

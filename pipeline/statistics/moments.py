@@ -10,12 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.statistics.numerics import box_mean
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from scenes.arrays import Array, Mask
 
 WIDE = (9, 27)
 

@@ -9,10 +9,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, optimize, special, stats
 
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 
 def normal_cdf(x: Array) -> Array:

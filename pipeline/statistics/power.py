@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.statistics.numerics import normal_cdf, root, student_tail
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 POWER = 0.95
 SMALLEST, LARGEST = 1e-9, 1e6  # relative biases between which the answer is sought

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.schema.record import SampleStatistics, Verdict
 from pipeline.statistics.heavy_tail import SHARE_LIMIT, TailIndex, largest_share, tail_index
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 SPIKE_LIMIT = 0.5  # above it the variance rests on fewer than two samples a pixel
 SPIKE_SAMPLES = 16  # of fewer samples the largest makes up much of the spread even where all is well

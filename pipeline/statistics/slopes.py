@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.statistics.intervals import CONFIDENCE, NORMAL, Interval, exp
 from pipeline.statistics.numerics import student_tail
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 
 @dataclass(frozen=True)

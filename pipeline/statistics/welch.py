@@ -39,7 +39,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.statistics.few_events import bounded_p, few_events, variance_as_expected
 from pipeline.statistics.moments import Draws as Draws
@@ -56,9 +55,8 @@ from pipeline.statistics.moments import (
 from pipeline.statistics.moments import batch_moments as batch_moments
 from pipeline.statistics.numerics import student_survival
 from pipeline.statistics.power import smallest_detectable
+from scenes.arrays import Array, Mask
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Correction = Literal["sidak", "bh"]
 
 ALIKE = 4.0  # times the variance of the other side's samples, beyond which it holds up no pixel's

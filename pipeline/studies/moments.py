@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.protocol import ReferenceImage
 from pipeline.statistics.moments import Draws, Moments, batch_moments
 from renderer import RenderResult
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 FLOAT32 = 1e-6  # of the image mean: rounding of a float32 renderer where the truth is 0 (Mitsuba: 1e-8)
 

@@ -35,9 +35,8 @@ from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
 from renderer.shading.lights import choose_light, light_along, sample_light, supporting_techniques
 from renderer.shading.visibility import Seen, hidden, visible
+from scenes.arrays import Mask
 from scenes.description.scene import SceneDescription
-
-Mask = NDArray[np.bool_]
 
 LABELS = ("background", "light", "umbra", "penumbra", "lit", "contact")  # a label is an index into these
 BACKGROUND, LIGHT, UMBRA, PENUMBRA, LIT, CONTACT_LABEL = range(len(LABELS))

@@ -27,9 +27,9 @@ from pipeline.studies.regions import find_regions
 from renderer import RenderResult, RenderScene, render
 from renderer.interfaces.estimator import ESTIMATORS
 from renderer.interfaces.sampler import SAMPLERS
+from scenes.arrays import Mask
 from scenes.errors import PenumbraError
 
-Mask = NDArray[np.bool_]
 Outcome = Literal["unbiased", "biased", "untrustworthy", "inconclusive"]
 
 REPLICATES = 32  # scrambles of a low-discrepancy sampler, from whose spread its variance comes

@@ -17,9 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 # Below this angular extent of the visible piece the arc and the chord cancel to (extent)^3: a positive
 # cubature

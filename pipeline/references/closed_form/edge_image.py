@@ -9,7 +9,6 @@ Gauss's rules converge fast.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form.edge_scene import EdgeScene
 from pipeline.references.closed_form.film import (
@@ -28,9 +27,7 @@ from pipeline.references.closed_form.radiometry import (
     knife_edge_irradiance,
     polygon_irradiance,
 )
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from scenes.arrays import Array, Index
 
 TOLERANCE = 1e-7  # error bound wanted for a pixel, relative to its value or to a hundredth of the mean
 

@@ -12,18 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form.film import film_plane
 from pipeline.references.closed_form.patches import FLAT, Patch, Plane, outline
 from pipeline.references.closed_form.scene import Receiver
+from scenes.arrays import Array
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Camera, SceneDescription
 from scenes.description.scene import Film as FilmDescription
 from scenes.description.shapes import Mesh, ShapeDescription
 from scenes.errors import SceneError
-
-Array = NDArray[np.float64]
 
 # the light's least distance from floor and sheet, of its extent: nearer, a cell's rule would not resolve it
 NEAR = 0.02

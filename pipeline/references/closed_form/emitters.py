@@ -9,17 +9,16 @@ from __future__ import annotations
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form.cone import Cone, disk_cone, sphere_cone
 from pipeline.references.closed_form.patches import Patch, Plane, outline
 from pipeline.references.closed_form.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
+from scenes.arrays import Array
 from scenes.description.lights import Light, PointLight
 from scenes.description.scene import Camera
 from scenes.description.shapes import Disk, Geometry, Mesh, ShapeDescription, Sphere
 from scenes.errors import SceneError
 
-Array = NDArray[np.float64]
 Emitter = Patch | Disk | Sphere | PointLight
 
 PARALLEL = 1e-9  # sine below which planes count as parallel, and an edge as parallel to an axis

@@ -24,10 +24,9 @@ from pipeline.references.closed_form.emitters import cone_of
 from pipeline.references.closed_form.patches import Patch
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from pipeline.references.closed_form.scene import ClosedFormScene
+from scenes.arrays import Array, Index
 from scenes.description.scene import Camera, Film
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Pieces = list[tuple[Array, Index]]  # film polygons (n, v, 3) and the pixels (n,) that they lie in
 
 ARC_PIECES = 4

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form import emitters
 from pipeline.references.closed_form.emitters import PARALLEL
@@ -19,8 +18,7 @@ from pipeline.references.closed_form.film import FilmPlane
 from pipeline.references.closed_form.patches import Plane
 from pipeline.references.closed_form.quadrature import Cells
 from pipeline.references.closed_form.scene import ClosedFormScene
-
-Array = NDArray[np.float64]
+from scenes.arrays import Array
 
 DEPTH_STEP = 2.0  # a cell's depths may differ by this many times its smallest
 _U, _V = (grid.ravel() for grid in np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]))

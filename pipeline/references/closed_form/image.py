@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form.emitters import own_plane
 from pipeline.references.closed_form.film import (
@@ -36,9 +35,8 @@ from pipeline.references.protocol import (
     ReferenceRequest,
     require,
 )
+from scenes.arrays import Array
 from scenes.description.scene import SceneDescription
-
-Array = NDArray[np.float64]
 
 _ARC_RULES = tuple(np.polynomial.legendre.leggauss(order) for order in (5, 3))
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenes.arrays import Array
 from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
-
-Array = NDArray[np.float64]
 
 # out-of-plane error allowed, relative to a shape's extent: far above rounding, far below any picture
 FLAT = 1e-9

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from scenes.arrays import Array, Index
 
 ROUNDS = 80  # halvings of a cell at most
 CELLS = 400_000  # waiting at most; more are taken unresolved, with the bound that belongs to them

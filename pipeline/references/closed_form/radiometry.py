@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.references.closed_form.cone import cone_irradiance, cross, disk_cone, dot, sphere_cone
+from scenes.arrays import Array
 
-Array = NDArray[np.float64]
 Vectors = NDArray[Any] | Sequence[Any]  # (3,) or (n, 3) numbers
 Numbers = Vectors | float | int  # a number or (n,), and for radiance (3,)
 

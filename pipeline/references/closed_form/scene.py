@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form.emitters import (
     Emitter,
@@ -21,13 +20,12 @@ from pipeline.references.closed_form.emitters import (
 )
 from pipeline.references.closed_form.patches import FLAT, Patch, Plane, area, outline
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
+from scenes.arrays import Array
 from scenes.description.lights import Light
 from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Mesh, ShapeDescription
 from scenes.errors import SceneError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,18 +12,16 @@ from dataclasses import dataclass
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.references.closed_form.film import FilmPlane, areas, classify, clip_by_planes
 from pipeline.references.closed_form.image import PixelImage
 from pipeline.references.closed_form.patches import Plane
 from pipeline.references.closed_form.quadrature import sums
 from pipeline.references.closed_form.scene import Receiver, ground
+from scenes.arrays import Array
 from scenes.description.lights import DistantLight, Environment, Light
 from scenes.description.scene import SceneDescription
 from scenes.errors import SceneError
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of a pixel's area: what clipping and summing a few polygons may be off by
 

@@ -15,12 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scenes.arrays import Index
 from scenes.description.lights import Environment
 from scenes.description.shapes import Array
-
-Indices = NDArray[np.int64]
 
 ROWS = 1024  # at least so many, so that a ramp is at most 0.35 degrees wide
 MOST_ROWS = 2048  # 2048 x 4096 texels are 100 MB in float32
@@ -59,7 +57,7 @@ def radiance(environment: Environment, own: Array) -> Array:
     return np.where(own[..., 2:] >= 0, value, 0.0) if environment.hemisphere else value
 
 
-def _texel(environment: Environment, own: Array) -> tuple[Indices, Indices]:
+def _texel(environment: Environment, own: Array) -> tuple[Index, Index]:
     """Row and column of the nearest texel for directions in the light's own space."""
     assert environment.image is not None
     height, width = environment.image.shape[:2]
