@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scenes.arrays import Array, Index
 from scenes.description.lights import Light
 from scenes.description.materials import Material
 from scenes.description.scene import SceneDescription
@@ -23,35 +23,35 @@ from scenes.pbrt.parser import parse_file
 from scenes.pbrt.write.side_files import SideFiles
 from scenes.pbrt.write.text import block, comment, numbers
 
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
-
 DIRECT = 'Integrator "path" "integer maxdepth" [ 1 ]'
 
 
 @dataclass(eq=False)
 class Losses:
-    """The losses of a conversion: one line a kind, with the first place and the number of further places."""
+    """Everything that a conversion could not keep, by kind, with the places where it stood."""
 
     _kinds: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
 
     def add(self, what: str, where: Location | str) -> None:
-        """A kind of loss at a place; the same place counts once."""
+        """Note a kind of loss at a place; the same place counts once."""
         places = self._kinds.setdefault(what, [])
         if str(where) not in places:
             places.append(str(where))
 
     def lines(self) -> tuple[str, ...]:
-        """A line for each kind, in the order in which they were met."""
-        more = {
-            what: f" and {len(places) - 1} more" * (len(places) > 1) for what, places in self._kinds.items()
-        }
-        return tuple(f"{what} ({places[0]}{more[what]})" for what, places in self._kinds.items())
+        """One line for each kind: its first place, and how many more there are."""
+        return tuple(
+            f"{what} ({places[0]}{f' and {len(places) - 1} more' if len(places) > 1 else ''})"
+            for what, places in self._kinds.items()
+        )
 
 
 @dataclass(eq=False)
 class Document:
-    """Collects the directives. stem: what the names of its images begin with. head: before WorldBegin."""
+    """A scene file that grows by directives.
+
+    stem: how the names of its images begin. head: the lines before WorldBegin.
+    """
 
     stem: str
     losses: Losses = field(default_factory=Losses)
@@ -64,7 +64,7 @@ class Document:
 
     @property
     def images(self) -> dict[str, Array]:
-        """(h, w, 3) by file name, to be written as float32."""
+        """The images beside the file, (h, w, 3) by file name, to be written as float32."""
         return self._files.images
 
     def light(self, light: Light) -> None:
@@ -72,7 +72,7 @@ class Document:
         self._attribute(light_text(light, self._files))
 
     def shape(self, lines: Sequence[str], material: Material, emission: Emission | None) -> None:
-        """The directives that place a shape, under its material and its light."""
+        """Add a shape. lines: the directives that place it."""
         before = [] if emission is None else [area_light_text(emission, self._files)]
         self._attribute([*before, *material_text(material, self._textures), *lines])
 
@@ -80,8 +80,8 @@ class Document:
         self._body += ["", "AttributeBegin", *(f"  {line}" for line in lines), "AttributeEnd"]
 
     def camera(self, to_world: Array, directive: str) -> None:
-        """to_world: (4, 4), from pbrt's camera space, which is left-handed. directive: `Camera` and its
-        parameters.
+        """Set the camera. to_world: (4, 4), from pbrt's left-handed camera space. directive: its `Camera`
+        line.
         """
         try:
             to_camera = np.linalg.inv(to_world)
@@ -90,7 +90,7 @@ class Document:
         self.head += [placed("Transform", to_camera.astype(np.float64)), directive]
 
     def film(self, width: int, height: int, pixel_filter: str, spp: int) -> None:
-        """Size in pixels, the `PixelFilter` directive and samples a pixel; direct light is what is made."""
+        """Set the film, its `PixelFilter` directive and the samples a pixel, and ask for direct light."""
         self.head += [
             f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ]'
             f' "string filename" [ "{self.stem}.exr" ] "bool savefp16" [ false ]',
@@ -100,7 +100,7 @@ class Document:
         ]
 
     def text(self, origin: str) -> str:
-        """The whole file. origin: the name of the original."""
+        """The text of the whole file. origin: the name of the file that was converted."""
         told = [f"# {comment(line)}" for line in self.losses.lines()]
         title = f"# {comment(origin)}, converted by penumbra"
         return "\n".join([title, *told, *self.head, "", "WorldBegin", *self._body]) + "\n"
@@ -114,15 +114,15 @@ def placed(directive: str, matrix: Array) -> str:
 
 def mesh_lines(
     vertices: Array,
-    faces: Faces,
+    faces: Index,
     uv: Array | None = None,
     normals: Array | None = None,
     reverse: bool = False,
 ) -> list[str]:
     """A triangle mesh in world space: vertices (m, 3), faces (t, 3), uv (m, 2), normals (m, 3).
 
-    reverse: whether the geometric normal is opposite to that of the corners' order. normals: on the side of
-    the geometric one.
+    reverse: whether the geometric normal is opposite to that of the corners' order. The shading normals lie
+    on the side of the geometric one.
     """
     lines = ["ReverseOrientation"] if reverse else []
     lines += ['Shape "trianglemesh"', *block('"point3 P"', (vertices + 0.0).ravel().tolist())]
@@ -140,9 +140,9 @@ def patch_lines(corners: Array, reverse: bool = False) -> list[str]:
 
 
 def write(document: Document, origin: str, output: Path) -> SceneDescription:
-    """Write the text and its images. The images get their final names once all are complete and read back.
+    """Write the text and its images, which get their final names once all are read back as a scene.
 
-    Returns the scene as it is read. PenumbraError where it cannot be written, or Penumbra cannot render it.
+    Returns that scene. PenumbraError if a file cannot be written, or Penumbra cannot render the scene.
     """
     if output.name in document.images:
         raise PenumbraError(f"{output}: an image beside it would have its name")

@@ -34,7 +34,7 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 @dataclass(eq=False)
 class GltfFile:
-    """path: of the file. data: its JSON. files: where others may lie. binary: the chunk of a .glb."""
+    """A glTF file that was read. data: its JSON. files: finds others. binary: the chunk of a .glb."""
 
     path: Path
     data: Object
@@ -43,18 +43,18 @@ class GltfFile:
     _buffers: dict[int, bytes] = field(default_factory=dict[int, bytes])
 
     def fail(self, where: str, message: str) -> PenumbraError:
-        """An error at a place in the JSON, to be raised by the caller."""
+        """An error at a place in the JSON, for the caller to raise."""
         return PenumbraError(f"{self.path}: {where}: {message}")
 
     def all(self, kind: str) -> list[Object]:
-        """All objects of a kind: nodes, meshes and so on."""
+        """All objects of a kind, such as nodes or meshes."""
         found = self.data.get(kind, [])
         if not isinstance(found, list) or not all(isinstance(one, dict) for one in cast("list[Any]", found)):
             raise self.fail(kind, "a list of objects is needed")
         return cast("list[Object]", found)
 
     def one(self, kind: str, index: Any, where: str) -> Object:
-        """The object that an index names."""
+        """The object of a kind by its index; PenumbraError if there is none."""
         every = self.all(kind)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(every):
             raise self.fail(where, f"there is no {kind}[{index}]")
@@ -76,7 +76,7 @@ class GltfFile:
         return float(self.numbers({name: [owner.get(name, default)]}, name, [0.0], where)[0])
 
     def accessor(self, index: Any, where: str) -> NDArray[Any]:
-        """(n, width): numbers as float64 where they are floats or normalised, else as int64."""
+        """The numbers (n, width) of an accessor: float64 if they are floats or normalised, else int64."""
         found = self.one("accessors", index, where)
         where = f"accessors[{index}]"
         kind, width, count = found.get("componentType"), WIDTHS.get(found.get("type", "")), found.get("count")
@@ -161,7 +161,9 @@ class GltfFile:
 
 
 def read_gltf(path: Path, files: Files) -> GltfFile:
-    """A .gltf or .glb file; SceneError at the place of malformed JSON, PenumbraError for what is damaged."""
+    """Read a .gltf or .glb file; SceneError at the place of malformed JSON, PenumbraError for other
+    damage.
+    """
     content = read_bytes(path)
     text, binary = _chunks(path, content) if content[:4] == b"glTF" else (content, None)
     try:
@@ -180,7 +182,7 @@ def read_gltf(path: Path, files: Files) -> GltfFile:
 
 
 def _check_kinds(path: Path, data: Object) -> None:
-    """PenumbraError where an object, a list or a whole number is needed and something else stands."""
+    """Raise PenumbraError for a value of another JSON type than glTF has at its place."""
     left: list[tuple[str, Any]] = [("", data)]
     while left:
         where, value = left.pop()

@@ -10,19 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from trimesh.transformations import quaternion_matrix  # pyright: ignore[reportUnknownVariableType]
 
 from pipeline.convert.document import Document, mesh_lines
 from pipeline.convert.gltf.file import GltfFile, Object, read_gltf
 from pipeline.convert.gltf.surfaces import Surface, Surfaces
+from scenes.arrays import Array, Index
 from scenes.description.lights import DistantLight, PointLight, SpotLight
 from scenes.description.materials import Diffuse
 from scenes.errors import PenumbraError
 from scenes.files import Files
 from scenes.pbrt.transforms import look_at
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
 FORWARD = np.diag([1.0, 1.0, -1.0, 1.0])
 HEIGHT, ASPECT, SPP = 720, 16 / 9, 16  # of images, of which glTF says nothing
@@ -36,9 +34,9 @@ KNOWN = {
 
 
 def convert(path: Path, stem: str, allow_outside: bool = False) -> Document:
-    """The scene of a .gltf or .glb file. stem: what the names of its images begin with.
+    """Convert the scene of a .gltf or .glb file. stem: how the names of its images begin.
 
-    SceneError or PenumbraError for what is malformed; what is lost is in the document's losses.
+    SceneError or PenumbraError for a malformed file. The document lists what could not be kept.
     """
     file = read_gltf(path, Files(path.parent, allow_outside))
     document = Document(stem)
@@ -96,19 +94,13 @@ class _Converter:
             self._node(child, matrix, (*inside, index))
 
     def _matrix(self, node: Object, where: str) -> Array:
-        """(4, 4): a matrix column after column, or translation x rotation x scale."""
+        """The transformation (4, 4) of a node: its matrix, or translation x rotation x scale."""
         if "matrix" in node:
             return self._file.numbers(node, "matrix", [0.0] * 16, where).reshape(4, 4).T
         out = np.eye(4)
         x, y, z, w = self._file.numbers(node, "rotation", [0.0, 0.0, 0.0, 1.0], where)
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        out[:3, :3] = turn * self._file.numbers(node, "scale", [1.0, 1.0, 1.0], where)
+        out[:3, :3] = quaternion_matrix([w, x, y, z])[:3, :3]
+        out[:3, :3] *= self._file.numbers(node, "scale", [1.0, 1.0, 1.0], where)
         out[:3, 3] = self._file.numbers(node, "translation", [0.0, 0.0, 0.0], where)
         return out
 
@@ -129,28 +121,17 @@ class _Converter:
         points = self._vectors(attributes["POSITION"], 3, None, where)
         vertices = np.einsum("ij,mj->mi", matrix[:3, :3], points) + matrix[:3, 3]
         faces = self._faces(primitive, mode, len(points), where)
-        surface = (
-            self._surfaces.surface(primitive["material"], where)
-            if "material" in primitive
-            else Surface(Diffuse(np.ones(3)), None)
-        )
-        if "material" not in primitive:
+        if "material" in primitive:
+            surface = self._surfaces.surface(primitive["material"], where)
+        else:
+            surface = Surface(Diffuse(np.ones(3)), None)
             self._lost("a mesh without a material is white", where)
-        self._document.shape(
-            mesh_lines(
-                vertices,
-                faces,
-                self._uv(attributes, surface, len(points), where),
-                self._normals(attributes, surface, matrix, len(points), where),
-                bool(np.linalg.det(matrix[:3, :3]) < 0),
-            ),
-            surface.material,
-            surface.emission,
-        )
-        self._low, self._high = (
-            np.minimum(self._low, vertices.min(axis=0)),
-            np.maximum(self._high, vertices.max(axis=0)),
-        )
+        uv = self._uv(attributes, surface, len(points), where)
+        normals = self._normals(attributes, surface, matrix, len(points), where)
+        lines = mesh_lines(vertices, faces, uv, normals, bool(np.linalg.det(matrix[:3, :3]) < 0))
+        self._document.shape(lines, surface.material, surface.emission)
+        self._low = np.minimum(self._low, vertices.min(axis=0))
+        self._high = np.maximum(self._high, vertices.max(axis=0))
 
     def _uv(self, attributes: Object, surface: Surface, count: int, where: str) -> Array | None:
         name = f"TEXCOORD_{surface.coordinates}"
@@ -164,7 +145,7 @@ class _Converter:
     def _normals(
         self, attributes: Object, surface: Surface, matrix: Array, count: int, where: str
     ) -> Array | None:
-        """(m, 3) in world space, on the side of the faces' own; none of a light's, whose faces decide."""
+        """Vertex normals (m, 3) in world space; None for a light, whose sides follow from its faces."""
         if "NORMAL" not in attributes or surface.emission is not None:
             return None
         normals = self._vectors(attributes["NORMAL"], 3, count, where)
@@ -181,7 +162,7 @@ class _Converter:
             )
         return found
 
-    def _faces(self, primitive: Object, mode: int, count: int, where: str) -> Faces:
+    def _faces(self, primitive: Object, mode: int, count: int, where: str) -> Index:
         """(t, 3) indices of a list, a strip or a fan of triangles."""
         if "indices" in primitive:
             order = self._file.accessor(primitive["indices"], where)[:, 0].astype(np.int64)
@@ -202,7 +183,7 @@ class _Converter:
         return np.stack([order[i], order[i + 1 + odd], order[i + 2 - odd]], axis=1)
 
     def _light(self, index: Any, matrix: Array, where: str) -> None:
-        """A punctual light; W stands for glTF's lumen, by one factor for all lights."""
+        """Add a punctual light, with W for glTF's lumen: one factor for all lights."""
         every = self._file.data.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
         if not isinstance(index, int) or not 0 <= index < len(every):
             raise self._file.fail(where, f"there is no light {index}")
@@ -249,16 +230,12 @@ class _Converter:
         self._film(aspect)
 
     def _look_on(self) -> None:
-        """A camera in front of the scene, on its +z side and a little above, that sees its whole bounding
-        box.
-        """
+        """Add a camera on the +z side of the scene, a little above, that sees its whole bounding box."""
         if not np.isfinite(self._low).all():
             raise PenumbraError(f"{self._file.path}: there is nothing in the scene")
         self._lost("the scene has no camera: one looks at it from +z", "cameras")
-        middle, radius = (
-            (self._low + self._high) / 2,
-            float(np.linalg.norm(self._high - self._low)) / 2 or 1.0,
-        )
+        middle = (self._low + self._high) / 2
+        radius = float(np.linalg.norm(self._high - self._low)) / 2 or 1.0
         eye = middle + radius * 3 * np.array([0.0, 0.3, 1.0]) / np.hypot(0.3, 1.0)
         # look_at has x = up cross forward; in a right-handed world right is the other way.
         to_world = look_at(eye, middle, np.array([0.0, 1.0, 0.0])).inverse @ np.diag([-1.0, 1.0, 1.0, 1.0])

@@ -8,17 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.convert.document import Losses
 from pipeline.convert.gltf.file import GltfFile, Object
+from scenes.arrays import Array
 from scenes.color import conductor_of_reflectance
 from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material
 from scenes.description.shapes import Emission
 from scenes.description.textures import ImageTexture, Texture, UVMapping, mean
 from scenes.images.exr import read_texture
-
-Array = NDArray[np.float64]
 
 CLAMP, MIRRORED, NEAREST = 33071, 33648, 9728
 IMAGES = {"image/png": ".png", "image/jpeg": ".jpg"}
@@ -26,7 +24,7 @@ IMAGES = {"image/png": ".png", "image/jpeg": ".jpg"}
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """material, and emission or None; which set of texture coordinates the material is laid by."""
+    """A converted material. coordinates: the number of the set of texture coordinates that it uses."""
 
     material: Material
     emission: Emission | None
@@ -43,7 +41,7 @@ class Surfaces:
     _images: dict[int, Array] = field(default_factory=dict[int, Array])
 
     def surface(self, index: Any, where: str) -> Surface:
-        """The material that an index names."""
+        """The material of this index in the file."""
         found = self.file.one("materials", index, where)
         if index not in self._known:
             self._known[index] = self._convert(found, f"materials[{index}]")
@@ -54,13 +52,13 @@ class Surfaces:
         more: Object = given.get("extensions", {})
         for name in ("normalTexture", "occlusionTexture"):
             if name in given:
-                self.losses.add(f"the {name} of a material is left out", self._place(where))
+                self._lost(f"the {name} of a material is left out", where)
         if "metallicRoughnessTexture" in rough:
-            self.losses.add("the metallicRoughnessTexture is left out, its factors stay", self._place(where))
+            self._lost("the metallicRoughnessTexture is left out, its factors stay", where)
         if given.get("alphaMode", "OPAQUE") != "OPAQUE":
-            self.losses.add("transparency by alpha is left out", self._place(where))
+            self._lost("transparency by alpha is left out", where)
         for name in sorted(set(more) - EXTENSIONS):
-            self.losses.add(f"extension {name} is left out", self._place(where))
+            self._lost(f"extension {name} is left out", where)
         color, coordinates = self._color(rough, where)
         return Surface(
             self._material(rough, more, color, where), self._emission(given, more, where), coordinates
@@ -76,18 +74,18 @@ class Surfaces:
         shine = self.file.number(more.get("KHR_materials_specular", {}), "specularFactor", 1.0, where)
         for value in (metallic, passing, shine):
             if 0 < value < 1:
-                self.losses.add("a material between two kinds is the nearer one", self._place(where))
+                self._lost("a material between two kinds is the nearer one", where)
         if metallic > 0.5:
             if not isinstance(color, np.ndarray):
-                self.losses.add("the texture of a metal is its mean", self._place(where))
+                self._lost("the texture of a metal is its mean", where)
             return Conductor(*conductor_of_reflectance(mean(color)), alpha)
         if passing > 0.5:
-            self.losses.add("the colour of glass is left out", self._place(where))
+            self._lost("the colour of glass is left out", where)
             thin = "KHR_materials_volume" not in more
             return Dielectric(ior, 0.0 if thin else alpha, thin)
         if shine <= 0.5 or ior <= 1:
             return Diffuse(color)
-        self.losses.add("glTF's dielectrics are pbrt's coateddiffuse, another model", self._place(where))
+        self._lost("glTF's dielectrics are pbrt's coateddiffuse, another model", where)
         return Coated(Dielectric(ior, alpha), Diffuse(color))
 
     def _emission(self, given: Object, more: Object, where: str) -> Emission | None:
@@ -98,7 +96,7 @@ class Surfaces:
         if (radiance < 0).any():
             raise self.file.fail(where, "emissiveFactor must not be negative")
         if "emissiveTexture" in given and radiance.any():
-            self.losses.add("a texture of emission is its mean", self._place(where))
+            self._lost("a texture of emission is its mean", where)
             radiance = radiance * mean(self.texture(given["emissiveTexture"], where)[0])
         return Emission(radiance, bool(given.get("doubleSided", False))) if radiance.any() else None
 
@@ -115,19 +113,19 @@ class Surfaces:
         return mean(texture) * factor, coordinates
 
     def texture(self, info: Object, where: str) -> tuple[Texture, int]:
-        """A texture, and which set of coordinates it is laid by; the first row of images is at v = 0."""
+        """A texture, and the number of its set of texture coordinates. glTF's images begin at v = 0."""
         found = self.file.one("textures", info.get("index"), where)
         sampler = self.file.one("samplers", found["sampler"], where) if "sampler" in found else {}
         moved: Object = info.get("extensions", {}).get("KHR_texture_transform", {})
         image = self._image(found.get("source"), where)
         coordinates = moved.get("texCoord", info.get("texCoord", 0))
         if moved.get("rotation", 0):
-            self.losses.add("a texture that is turned is its mean", self._place(where))
+            self._lost("a texture that is turned is its mean", where)
             return image.mean(axis=(0, 1)), coordinates
         scale = self.file.numbers(moved, "scale", [1.0, 1.0], where)
         offset = self.file.numbers(moved, "offset", [0.0, 0.0], where)
         if MIRRORED in (sampler.get("wrapS"), sampler.get("wrapT")):
-            self.losses.add("a mirrored texture is repeated instead", self._place(where))
+            self._lost("a mirrored texture is repeated instead", where)
         wrap = "clamp" if sampler.get("wrapS") == sampler.get("wrapT") == CLAMP else "repeat"
         kind = "point" if sampler.get("magFilter") == NEAREST else "bilinear"
         mapping = UVMapping(float(scale[0]), -float(scale[1]), float(offset[0]), 1.0 - float(offset[1]))
@@ -156,8 +154,8 @@ class Surfaces:
             path.write_bytes(data)
             return read_texture(path)
 
-    def _place(self, where: str) -> str:
-        return f"{self.file.path.name}: {where}"
+    def _lost(self, what: str, where: str) -> None:
+        self.losses.add(what, f"{self.file.path.name}: {where}")
 
 
 EXTENSIONS = {

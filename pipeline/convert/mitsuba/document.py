@@ -29,7 +29,9 @@ _NAME = re.compile(r"\$\{?([A-Za-z_][A-Za-z0-9_]*)\}?")
 
 @dataclass(eq=False)
 class Plugin:
-    """One plug-in. name: what its parent calls it. values: its parameters. parts: the plug-ins in it."""
+    """One plug-in of a scene. name: as its parent calls it. values: its parameters. parts: plug-ins
+    inside it.
+    """
 
     tag: str
     type: str
@@ -38,7 +40,7 @@ class Plugin:
     values: dict[str, Node] = field(default_factory=dict[str, Node])
     parts: list[Plugin] = field(default_factory=list["Plugin"])
     reference: str | None = None
-    read: set[str] = field(default_factory=set[str])  # the parameters that somebody asked for
+    read: set[str] = field(default_factory=set[str])  # the parameters that were asked for
 
     def _get(self, name: str) -> Node | None:
         self.read.add(name)
@@ -57,31 +59,28 @@ class Plugin:
         return self._get(name) is not None
 
     def number(self, name: str, default: float) -> float:
-        """One number."""
         node = self._get(name)
         return default if node is None else floats(node, 1)[0]
 
     def count(self, name: str, default: int) -> int:
-        """One whole number, at least 1."""
+        """A whole number of at least 1."""
         value = self.number(name, float(default))
         if value != int(value) or value < 1:
             raise SceneError(f"{name} must be a whole number above 0, not {value:g}", self.values[name].where)
         return int(value)
 
     def text(self, name: str, default: str) -> str:
-        """One string."""
         node = self._get(name)
         return default if node is None else node.attributes.get("value", default)
 
     def flag(self, name: str, default: bool) -> bool:
-        """true or false."""
         text = self.text(name, str(default).lower()).lower()
         if text not in ("true", "false"):
             raise SceneError(f"{name} must be true or false, not {text!r}", self.values[name].where)
         return text == "true"
 
     def vector(self, name: str, default: tuple[float, float, float]) -> Array:
-        """(3,) a point or a vector."""
+        """A point or a vector, (3,)."""
         node = self._get(name)
         if node is None:
             return np.array(default)
@@ -90,18 +89,21 @@ class Plugin:
         return np.array([floats(node, 1, axis, 0.0)[0] for axis in "xyz"])
 
     def color(self, name: str, default: float) -> Array:
-        """(3,) linear RGB."""
+        """A colour in linear RGB, (3,)."""
         node = self._get(name)
         return np.full(3, default) if node is None else color_of(node)
 
     def transform(self, name: str = "to_world") -> Array:
-        """(4, 4), the identity if none is given."""
+        """A transformation (4, 4), the identity if none is given."""
         node = self._get(name)
         return np.eye(4) if node is None else transform_of(node)
 
 
 def read_document(path: Path, given: Mapping[str, str], files: Files) -> Plugin:
-    """The scene of a file; SceneError at the place of what is malformed, PenumbraError for unused names."""
+    """Read the scene of an XML file. given: a value for each `$name`.
+
+    SceneError at the place of malformed text, PenumbraError for a name that the file does not use.
+    """
     reader = _Reader(dict(given), files)
     root = _parse(path)
     if root.tag != "scene":
@@ -128,7 +130,7 @@ class _Reader:
         self._given = frozenset(self.defaults)
 
     def fill(self, owner: Plugin, node: Node, files: tuple[Path, ...]) -> None:
-        """Read the children of an element into a plug-in. files: those that are open."""
+        """Read the children of an element into a plug-in. files: the files that include each other so far."""
         for raw in node.children:
             child = self._substituted(raw)
             if child.tag == "default":
@@ -195,7 +197,9 @@ class _Reader:
         return replace(node, children=[self._deep(self._substituted(child)) for child in node.children])
 
     def resolve(self, plugin: Plugin, inside: tuple[Plugin, ...]) -> None:
-        """Put the plug-ins with ids where references to them stand; SceneError for none, and for cycles."""
+        """Replace references by the plug-ins with their ids; SceneError for an unknown id, and for a
+        cycle.
+        """
         if plugin in inside:
             raise SceneError("a plug-in refers to itself", plugin.where)
         plugin.parts = [self._target(part, 0) for part in plugin.parts]
@@ -212,7 +216,7 @@ class _Reader:
 
 
 def _parse(path: Path) -> Node:
-    """The elements of an XML file; SceneError with its place where it is none."""
+    """The root element of an XML file; SceneError at the place of malformed XML."""
     data = read_bytes(path)
     parser = expat.ParserCreate()
     root = Node("", {}, Location(str(path), 1, 1), [])

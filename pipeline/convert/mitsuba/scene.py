@@ -10,24 +10,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.convert.document import Document
 from pipeline.convert.mitsuba.document import Plugin, read_document
 from pipeline.convert.mitsuba.shapes import Placed, place_shape
 from pipeline.convert.mitsuba.surfaces import Surfaces
-from renderer.spherical.octahedral import square_to_sphere
+from pipeline.references.mitsuba.environment import equal_area_direction, interpolated
+from pipeline.references.mitsuba.lights import MITSUBA_AXES
+from scenes.arrays import Array
 from scenes.description.lights import DistantLight, Environment, Light, PointLight, SpotLight
 from scenes.description.shapes import Emission
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.files import Files
 from scenes.images.exr import read_texture
 
-Array = NDArray[np.float64]
-
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
-# Columns: the axes of Mitsuba's environments in those of a latitude-longitude image about +z.
-AXES = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 FINEST = 2048  # rows that are made of fewer, so that interpolation between them is kept
 HARMLESS = {  # parameters that change no image here, or that somebody else reads
     "near_clip", "far_clip", "id", "fov_axis", "focal_length", "srgb", "raw", "filter_type", "wrap_mode",
@@ -37,9 +34,9 @@ HARMLESS = {  # parameters that change no image here, or that somebody else read
 
 
 def convert(path: Path, given: Mapping[str, str], stem: str, allow_outside: bool = False) -> Document:
-    """The scene of an XML file. given: what `$name` stands for. stem: what its images' names begin with.
+    """Convert the scene of an XML file. given: a value for each `$name`. stem: how its images' names begin.
 
-    SceneError at the place of what is malformed; what is lost is in the document's losses.
+    SceneError at the place of malformed text. The document lists what could not be kept.
     """
     files = Files(path.parent, allow_outside)
     scene = read_document(path, given, files)
@@ -170,7 +167,7 @@ class _Converter:
 
 
 def _light(emitter: Plugin, name: str) -> Array:
-    """(3,) the colour of an emitter; it must not be negative."""
+    """The colour (3,) of an emitter; SceneError if it is negative."""
     color = emitter.color(name, 1.0)
     if (color < 0).any():
         raise SceneError(f"{name} must not be negative", emitter.where)
@@ -178,8 +175,9 @@ def _light(emitter: Plugin, name: str) -> Array:
 
 
 def _perspective(sensor: Plugin, aspect: float) -> str:
-    """aspect: width over height. pbrt's angle is over the shorter side, Mitsuba's over the one that it
-    names.
+    """The `Camera` line of a perspective sensor. aspect: width over height.
+
+    pbrt's angle is over the shorter side, Mitsuba's over the side that it names.
     """
     if sensor.given("focal_length"):
         words = sensor.text("focal_length", "50mm").removesuffix("mm")
@@ -250,33 +248,22 @@ def _envmap(emitter: Plugin, files: Files) -> Light:
         image = read_texture(path)
     except PenumbraError as error:
         raise SceneError(str(error), emitter.where) from None
-    frame = emitter.transform()[:3, :3] @ AXES.T
+    frame = emitter.transform()[:3, :3] @ MITSUBA_AXES.T
     return Environment(np.full(3, emitter.number("scale", 1.0)), equal_area(image), frame=frame)
 
 
 def equal_area(image: Array) -> Array:
-    """(n, n, 3): an image (h, w, 3) in latitude and longitude, its first and last rows at the poles and
-    columns in the middles of w parts, as pbrt's equal-area map has it; each texel the mean of 4 x 4 places.
+    """Resample Mitsuba's latitude-longitude image (h, w, 3) to pbrt's equal-area square (n, n, 3).
+
+    Each texel is the mean over 4 x 4 places: pbrt takes the nearest texel, and Mitsuba interpolates.
     """
-    height, width = image.shape[:2]
-    own = int(np.ceil(np.sqrt(height * width)))
-    size, fine = max(own, min(4 * own, FINEST)), 4  # pbrt takes the nearest texel, where Mitsuba interpolates
+    own = int(np.ceil(np.sqrt(image.shape[0] * image.shape[1])))
+    size, fine = max(own, min(4 * own, FINEST)), 4
     out = np.zeros((size, size, 3))
     across = (np.arange(size * fine) + 0.5) / (size * fine)
-    for row in range(size):
-        down = (row + (np.arange(fine) + 0.5) / fine) / size
-        x, y, z = square_to_sphere(np.stack([np.tile(across, fine), down.repeat(across.size)]))
-        at = (np.arctan2(y, x) / (2 * np.pi) % 1.0) * width - 0.5
-        above = np.arctan2(np.hypot(x, y), z) / np.pi * (height - 1)
-        left, top = (
-            np.floor(at).astype(np.int64),
-            np.minimum(np.floor(above).astype(np.int64), max(height - 2, 0)),
-        )
-        right, below = (at - left)[:, None], (above - top)[:, None]
-        rows, columns = (top, np.minimum(top + 1, height - 1)), (left % width, (left + 1) % width)
-        upper, lower = ((1 - right) * image[r, columns[0]] + right * image[r, columns[1]] for r in rows)
-        value = (1 - below) * upper + below * lower
-        out[row] = value.reshape(fine, size, fine, 3).mean(axis=(0, 2))
+    for row, down in enumerate(across.reshape(size, fine, 1)):
+        d = equal_area_direction(across, down).reshape(-1, 3)
+        out[row] = interpolated(image, d).reshape(fine, size, fine, 3).mean(axis=(0, 2))
     return out
 
 

@@ -12,18 +12,16 @@ from io import StringIO
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from trimesh import Trimesh
 from trimesh.exchange.obj import load_obj  # pyright: ignore[reportUnknownVariableType]
 
 from pipeline.convert.document import mesh_lines, patch_lines, placed
 from pipeline.convert.mitsuba.document import Plugin
+from scenes.arrays import Array, Index
 from scenes.description.shapes import basis
 from scenes.errors import PenumbraError, SceneError
 from scenes.files import Files, read_bytes
 from scenes.ply.mesh import read_ply
-
-Array = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
 PLAIN = np.eye(3)
@@ -32,30 +30,32 @@ UPSIDE_DOWN = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])  # v of a sphere ru
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """lines: the directives, from `ReverseOrientation` on. to_uv: (3, 3), from pbrt's texture coordinates to
-    Mitsuba's, None where there is none. rectangle: whether it is one. smooth: whether it has vertex normals.
+    """A shape as pbrt's directives.
+
+    to_uv: (3, 3), from pbrt's texture coordinates to Mitsuba's; None if no affine map does it. rectangle:
+    whether it is a rectangle.
     """
 
     lines: list[str]
     to_uv: Array | None = None
     rectangle: bool = False
-    smooth: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """vertices, normals: (m, 3), uv: (m, 2), None where there are none. faces: (t, 3)."""
+    """A triangle mesh. vertices, normals: (m, 3). uv: (m, 2). faces: (t, 3)."""
 
     vertices: Array
-    faces: Faces
+    faces: Index
     normals: Array | None
     uv: Array | None
 
 
 def place_shape(shape: Plugin, outer: Array, files: Files, flat: bool) -> Placed | None:
-    """A shape under the transformation outer (4, 4) of the group that it is in; None for an unknown kind.
+    """Convert a shape; None for an unknown kind.
 
-    flat: whether vertex normals are left out, as of lights.
+    outer: (4, 4), the transformation of the group that it is in. flat: whether vertex normals are left out,
+    as those of lights are.
     """
     if shape.type not in SHAPES:
         return None
@@ -74,7 +74,7 @@ def _rectangle(shape: Plugin, matrix: Array, files: Files, flat: bool) -> Placed
 
 
 def _cube(shape: Plugin, matrix: Array, files: Files, flat: bool) -> Placed:
-    """Six squares, each of which has the unit square of texture coordinates."""
+    """Six squares, each with texture coordinates from 0 to 1."""
     corners: list[Array] = []
     for axis in range(3):
         for side in (-1.0, 1.0):
@@ -131,25 +131,17 @@ def _mesh(shape: Plugin, matrix: Array, mesh: Mesh, flat: bool) -> Placed:
         else:
             normals = np.einsum("ji,mj->mi", np.linalg.inv(matrix[:3, :3]), mesh.normals)
         normals = -normals if flipped else normals
-    lines = mesh_lines(vertices, mesh.faces, mesh.uv, normals, flipped)
-    return Placed(lines, PLAIN, smooth=normals is not None)
+    return Placed(mesh_lines(vertices, mesh.faces, mesh.uv, normals, flipped), PLAIN)
 
 
-def vertex_normals(vertices: Array, faces: Faces) -> Array:
-    """(m, 3) unit normals, those of the faces about each vertex weighted by their angles there
-    [thurmer1998], as Mitsuba makes them; (0, 0, 1) where there are none.
+def vertex_normals(vertices: Array, faces: Index) -> Array:
+    """Unit normals (m, 3): the mean over the faces about a vertex, weighted by their angles [thurmer1998].
+
+    Mitsuba makes them so too. A vertex whose faces have no area gets (0, 0, 1).
     """
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal = np.nan_to_num(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-        out = np.zeros_like(vertices)
-        for i in range(3):
-            a, b = corners[:, (i + 1) % 3] - corners[:, i], corners[:, (i + 2) % 3] - corners[:, i]
-            angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
-            np.add.at(out, faces[:, i], normal * angle[:, None])
-        out /= np.linalg.norm(out, axis=1, keepdims=True)
-    return np.where(np.isfinite(out).all(axis=1, keepdims=True), out, np.array([0.0, 0.0, 1.0]))
+    mesh: Any = Trimesh(vertices, faces, process=False)
+    normals = np.asarray(mesh.vertex_normals, dtype=np.float64)
+    return np.where(normals.any(axis=1, keepdims=True), normals, np.array([0.0, 0.0, 1.0]))
 
 
 def _ply(shape: Plugin, matrix: Array, files: Files, flat: bool) -> Placed:

@@ -6,18 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.convert.document import Losses
 from pipeline.convert.mitsuba.document import Plugin
+from scenes.arrays import Array
 from scenes.color import METALS, conductor_of_reflectance, metal
 from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, Material
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Texture, UVMapping, mean
 from scenes.errors import PenumbraError, SceneError
 from scenes.files import Files
 from scenes.images.exr import read_texels, texture_header
-
-Array = NDArray[np.float64]
 
 # Indices of refraction by name, as in Mitsuba's own table.
 INDICES = {
@@ -34,7 +32,7 @@ IDENTITY = np.eye(3)
 
 @dataclass(eq=False)
 class Surfaces:
-    """Converts BSDFs; each once for a way in which texture coordinates lie."""
+    """Converts BSDFs, each once for every layout of texture coordinates."""
 
     files: Files
     losses: Losses
@@ -42,10 +40,10 @@ class Surfaces:
     _images: dict[tuple[str, bool], Array] = field(default_factory=dict[tuple[str, bool], Array])
 
     def material(self, bsdf: Plugin | None, to_uv: Array | None, emits: bool = False) -> Material:
-        """The material of a BSDF, None for the default of a shape, which is black if it emits.
+        """The material of a BSDF. Without one it is Mitsuba's default for a shape, black if the shape emits.
 
-        to_uv: (3, 3), from pbrt's texture coordinates of the shape to Mitsuba's; None where no affine map
-        does it.
+        to_uv: (3, 3), from pbrt's texture coordinates of the shape to Mitsuba's; None if no affine map does
+        it.
         """
         if bsdf is None:
             return Diffuse(np.full(3, 0.0 if emits else GRAY))
@@ -90,7 +88,7 @@ class Surfaces:
         return second if float(mean(weight).mean()) > 0.5 else first
 
     def texture(self, owner: Plugin, name: str, default: float, to_uv: Array | None) -> Texture:
-        """A colour in [0, 1] or a texture of such."""
+        """A parameter in [0, 1], as a colour or as a texture."""
         found = owner.part("texture", name)
         if found is None:
             return self.within(owner.color(name, default), name, owner)
@@ -116,7 +114,9 @@ class Surfaces:
         return ImageTexture(image, placed, "clamp" if wrap == "clamp" else "repeat", kind)
 
     def _mapping(self, texture: Plugin, to_uv: Array | None) -> UVMapping | None:
-        """From pbrt's coordinates to the texture's; None where pbrt's mapping cannot do it."""
+        """The mapping of pbrt's coordinates to the texture's; None, with a loss noted, if pbrt has none
+        like it.
+        """
         if to_uv is not None:
             given = texture.transform("to_uv")
             plane = np.eye(3)
@@ -141,13 +141,13 @@ class Surfaces:
         return self._images[name, raw]
 
     def within(self, color: Array, name: str, owner: Plugin) -> Array:
-        """A reflectance clamped to [0, 1]."""
+        """A reflectance clamped to [0, 1], with a loss noted if that changes it."""
         if (color < 0).any() or (color > 1).any():
             self.losses.add(f"{name} is cut off to [0, 1]", owner.where)
         return np.clip(color, 0.0, 1.0)
 
     def constant(self, owner: Plugin, name: str, default: float) -> Array:
-        """A colour; a texture gives its mean, and the loss is noted."""
+        """A parameter as one colour (3,): a texture is replaced by its mean, with a loss noted."""
         if (found := owner.part("texture", name)) is not None:
             self.losses.add(f"a texture of {name} is its mean", found.where)
         return mean(self.texture(owner, name, default, None)) if found else owner.color(name, default)

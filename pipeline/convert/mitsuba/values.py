@@ -7,14 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scenes.arrays import Array
 from scenes.color import sampled
 from scenes.errors import Location, SceneError
 from scenes.images.encodings import decoded
 from scenes.pbrt.transforms import look_at, rotate
-
-Array = NDArray[np.float64]
 
 _APART = re.compile(r"[\s,]+")
 _HEX = re.compile(r"#([0-9a-fA-F]{6})")
@@ -22,7 +20,7 @@ _HEX = re.compile(r"#([0-9a-fA-F]{6})")
 
 @dataclass(eq=False)
 class Node:
-    """One element of XML."""
+    """One XML element, with its place in its file."""
 
     tag: str
     attributes: dict[str, str]
@@ -30,14 +28,14 @@ class Node:
     children: list[Node]
 
     def attribute(self, name: str) -> str:
-        """An attribute that must be there."""
+        """An attribute; SceneError if it is missing."""
         if name not in self.attributes:
             raise SceneError(f"<{self.tag}> needs the attribute {name!r}", self.where)
         return self.attributes[name]
 
 
 def floats(node: Node, count: int, name: str = "value", default: float | None = None) -> list[float]:
-    """The finite numbers of an attribute, `count` of them."""
+    """The `count` finite numbers of an attribute; `[default]` if it is missing and there is a default."""
     if default is not None and name not in node.attributes:
         return [default]
     words = [word for word in _APART.split(node.attribute(name).strip()) if word]
@@ -53,9 +51,9 @@ def floats(node: Node, count: int, name: str = "value", default: float | None = 
 
 
 def color_of(node: Node) -> Array:
-    """(3,) linear RGB of <rgb>, <spectrum> or <float>, as Mitsuba's RGB variants have it.
+    """The linear RGB (3,) of <rgb>, <spectrum> or <float>, as Mitsuba's RGB variants have it.
 
-    A spectrum of several wavelengths is projected as pbrt's are.
+    A spectrum of several wavelengths is projected to RGB as pbrt's are.
     """
     text = node.attribute("value").strip()
     if (match := _HEX.fullmatch(text)) is not None:
@@ -80,7 +78,7 @@ def _sampled(node: Node, text: str) -> Array:
 
 
 def transform_of(node: Node) -> Array:
-    """(4, 4): each operation is applied after those above it."""
+    """The transformation (4, 4) of an element, whose operations are applied from top to bottom."""
     matrix = np.eye(4)
     for child in node.children:
         if child.tag not in _OPERATIONS:
