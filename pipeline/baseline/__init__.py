@@ -1,5 +1,6 @@
-"""The cheap end of every chart of error against time: the scene rasterised by pyrender, a point in place of
-each area light, no shadows.
+"""The rasterised baseline: pyrender draws the scene without shadows, a point in place of each area light.
+
+It is the cheap end of every chart of error against time.
 
     surfaces.py   SceneDescription -> triangles in camera space
     lights.py     lights -> lights without size, and a constant

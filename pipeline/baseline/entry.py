@@ -1,6 +1,6 @@
-"""The baseline as studies and records name it, what it depends on, and whether it can be had here.
+"""The baseline's name in studies and records, its fingerprint, and whether it works on this machine.
 
-It stands among a study's estimators and is none of them: it has no samples, and no time makes its error less.
+It stands beside a study's estimators, but has no samples, and no time makes its error less.
 """
 
 from __future__ import annotations
@@ -30,17 +30,18 @@ REMEDY = "apt install libegl1 libopengl0 libgl1-mesa-dri"
 
 
 def refuses(scene: SceneDescription) -> str | None:
-    """Why there is no rasterised picture of the scene here, in one sentence, or None.
+    """Say in one sentence why the scene cannot be rasterised here; None if it can.
 
-    Libraries are only looked for: whether a picture can be drawn with them shows when it is drawn.
+    Libraries are only looked for: whether they can draw is found out when they do.
     """
     return missing() or refuses_scene(scene)
 
 
 @cache
 def missing() -> str | None:
-    """The libraries that this machine lacks, and how to get them: those of the extra, else those of OpenGL
-    without a screen. None if one platform has its own.
+    """The libraries that this machine lacks, and how to get them; None if it lacks none.
+
+    First those of the extra, then those of one platform of OpenGL without a screen.
     """
     if why := missing_extra("baseline"):
         return why

@@ -1,15 +1,13 @@
 """Lights without size in place of those that have one.
 
-    flat            its middle, I = L A along the normal, falling off with the cosine: what a far receiver
-    sees
+    flat            its middle, I = L A along the normal times the cosine, as for a far receiver
     sphere          its middle, I = L pi r^2 all around: exact outside it, shadows aside
     other meshes    their middle, I = L A / 4 all around: the mean over directions, if the mesh is convex
     environments    their mean radiance from everywhere; those of one half, the mean over that half
     portals         a flat light in their place, of the sky's mean radiance; not seen themselves
     image lights    a goniometric light as a point, a projector as a spot, of their mean intensity
 
-So close to an area light the image is wrong, and where it is partly hidden too: that is the price of this end
-of the chart.
+The image is wrong close to an area light, and wherever one is partly hidden.
 """
 
 from __future__ import annotations
@@ -39,9 +37,7 @@ DIRECTIONS = 2**14  # to take the mean of an environment over
 
 
 def of_shape(shape: ShapeDescription, view: View) -> Iterator[SizelessLight]:
-    """The light that stands for an emitting shape; a sphere that shines inwards is none of these, see
-    `ambient`.
-    """
+    """The lights that stand for an emitting shape; none for a sphere that shines inwards (see `encloses`)."""
     if shape.emission is None or encloses(shape):
         return
     emission = mean_emission(shape.emission) * view.scale**2
@@ -67,7 +63,7 @@ def encloses(shape: ShapeDescription) -> bool:
 
 @singledispatch
 def of_light(light: Light, view: View) -> SizelessLight:
-    """A light that comes from one place or direction."""
+    """The light without size that stands for a light that is no shape."""
     raise TypeError(f"a {type(light).__name__} cannot be rasterised")
 
 
@@ -111,7 +107,7 @@ def _(light: PortalLight, view: View) -> SizelessLight:
 
 
 def ambient(environment: Environment) -> Array:
-    """(3,) the mean radiance over the directions that it comes from."""
+    """Mean radiance (3,) of an environment over its sphere, or over the half that it has."""
     z = (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     z = z if environment.hemisphere else 2 * z - 1
     turn = np.pi * (3 - np.sqrt(5)) * np.arange(DIRECTIONS)  # Fibonacci's points: even over the sphere

@@ -1,4 +1,4 @@
-"""Run `worker` in a process of its own and take its images."""
+"""The baseline's worker process: start it on some scenes and read its images."""
 
 from __future__ import annotations
 
@@ -35,10 +35,9 @@ _Found = dict[str, NDArray[Any]]
 class Raster:
     """An image that pyrender drew.
 
-    image: (h, w, 3) linear radiance. depth: (h, w), along the view and in the scene's units, infinite where
-    nothing is. near, far: the depths of the clipping planes, in the same units. seconds, cpu: of drawing and
-    reading back, warm; seconds_convert: of making triangles; seconds_process: this picture's share of the
-    whole process.
+    image: (h, w, 3) linear radiance. depth: (h, w), along the view in the scene's units, infinite in the
+    background. near, far: depths of the clipping planes. seconds, cpu: of drawing and reading back, warm.
+    seconds_convert: of making triangles. seconds_process: this picture's share of the whole process.
     """
 
     image: Array
@@ -53,12 +52,10 @@ class Raster:
 
 
 def rasterise(scenes: Sequence[SceneDescription]) -> list[Raster]:
-    """Draw scenes with a point in place of each area light and without shadows, one sample in the middle of
-    each pixel.
+    """Draw scenes without shadows, a point in place of each area light, one sample in each pixel's middle.
 
     One process draws them all: its start takes a second or two, a picture a few hundredths. PenumbraError
-    where the extra is missing, where a scene is out of reach, see `scene.refuses`, and where OpenGL does not
-    work here.
+    if the extra is missing, a scene is refused, or OpenGL does not work here.
     """
     require_extra("baseline")
     start = time.perf_counter()
@@ -84,7 +81,7 @@ def _raster(task: Task, found: _Found, platform: str, converting: float, process
 
 
 def versions() -> dict[str, str]:
-    """The libraries that the image depends on."""
+    """Versions of the libraries that the image depends on."""
     return {"pyrender": version_of("pyrender"), "pyopengl": version_of("OpenGL")}
 
 
@@ -104,7 +101,7 @@ def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:
 
 
 def _try(folder: Path, platform: str) -> str | None:
-    """Draw on a platform; its last words if that fails."""
+    """Draw on a platform of OpenGL; returns the worker's last words if that fails."""
     command = worker_command(worker.__name__, folder)
     try:
         done = subprocess.run(

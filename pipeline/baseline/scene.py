@@ -1,4 +1,4 @@
-"""SceneDescription -> what the worker draws: camera, surfaces, lights, surroundings."""
+"""A SceneDescription as the worker's task: camera, surfaces, lights and background."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from scenes.description.lights import Environment, environments
 from scenes.description.scene import Camera, SceneDescription
 from scenes.errors import SceneError
 
-# a light of each kind takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or
-# more
+# Each takes up to 32 of a shader's constants, of which graphics cards and Mesa have 4096 or more.
 MOST_LIGHTS = 96
 
 
 def refuses(scene: SceneDescription) -> str | None:
-    """Why the scene cannot be rasterised, in one sentence, or None."""
+    """Say in one sentence why the scene cannot be rasterised; None if it can."""
     lights = sum(shape.emission is not None for shape in scene.shapes) + len(scene.lights)
     if lights > MOST_LIGHTS:
         return f"it has {lights} lights, and a shader here has room for {MOST_LIGHTS}"
@@ -32,7 +31,7 @@ def refuses(scene: SceneDescription) -> str | None:
 
 
 def convert(scene: SceneDescription) -> Task:
-    """The scene as triangles and lights without size; SceneError where `refuses` says why not."""
+    """The scene as triangles and lights without size; SceneError if `refuses` gives a reason."""
     if why := refuses(scene):
         raise SceneError(f"{scene.name} cannot be rasterised: {why}", None)
     view = make_view(scene.camera)
@@ -57,11 +56,10 @@ def convert(scene: SceneDescription) -> Task:
 
 
 def make_view(camera: Camera) -> View:
-    """pbrt's camera as OpenGL's, which looks along its own -z; SceneError for one with shear or unequal
-    scale.
+    """pbrt's camera as OpenGL's: z is turned, since OpenGL looks along -z, with x and y as they are.
 
-    Both have x to the right and y up in the image, so that turning z is all, and the mirroring that this is
-    leaves angles and lengths as they are. A scale of the camera only stretches its rays.
+    This mirrors space, which keeps angles and lengths. A scale of the camera only stretches its rays.
+    SceneError for a camera with shear or unequal scale.
     """
     axes = camera.pinhole("the rasterised baseline").camera_to_world[:3, :3].T
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)

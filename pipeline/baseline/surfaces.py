@@ -9,25 +9,21 @@ import numpy as np
 from pipeline.baseline.task import Array, Surface
 from scenes.description.shapes import Emission, Geometry, ShapeDescription, Sphere
 
-SPHERE_SAG = 3e-4  # of the radius: the most that a triangle lies below its sphere (measured, 2.85e-4)
-
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The map from world space into that of an OpenGL camera. origin: (3,); axes: (3, 3), its rows right, up
-    and backwards, unit.
-    """
+    """The map from world space to an OpenGL camera's. axes: (3, 3), unit rows right, up and backwards."""
 
     origin: Array
     axes: Array
     scale: float = 1.0
 
     def points(self, p: Array) -> Array:
-        """World points (..., 3) as the camera has them."""
+        """World points (..., 3) in camera space."""
         return self.vectors(p - self.origin) * self.scale
 
     def vectors(self, v: Array) -> Array:
-        """World directions (..., 3), their lengths kept."""
+        """World directions (..., 3) in camera space, of unchanged length."""
         return v @ self.axes.T
 
 
@@ -45,10 +41,9 @@ def surface(shape: ShapeDescription, view: View) -> Surface:
 
 
 def tessellate(geometry: Geometry) -> tuple[Array, Array]:
-    """Corners and normals of triangles, (t, 3, 3) each, world space; normals on the side that would emit.
+    """Corners and normals of triangles, (t, 3, 3) each, in world space.
 
-    Spheres and meshes with vertex normals have those at the corners, everything else the normal of
-    each triangle.
+    Normals lie on the emitting side. They are those of the sphere or the vertices, else of each triangle.
     """
     mesh = geometry.triangulated()
     corners, side = mesh.vertices[mesh.faces], -1.0 if mesh.reverse else 1.0
@@ -67,7 +62,6 @@ def tessellate(geometry: Geometry) -> tuple[Array, Array]:
 
 
 def mean_emission(emission: Emission) -> Array:
-    """(3,) the mean radiance over the shape."""
-    return (
-        emission.radiance if emission.image is None else emission.radiance * emission.image.mean(axis=(0, 1))
-    )
+    """Mean radiance (3,) over the shape."""
+    image = emission.image
+    return emission.radiance if image is None else emission.radiance * image.mean(axis=(0, 1))

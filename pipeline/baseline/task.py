@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A shape as triangles. positions, normals: (3 t, 3), three corners a triangle, normals unit and
-    outwards.
+    """A shape as triangles.
 
-    color: (3,) albedo, or a metal's reflectance at normal incidence. emission: (3,), W/(m^2 sr). roughness:
-    alpha of a metal; None: diffuse.
+    positions, normals: (3 t, 3), three corners a triangle; normals unit and outwards. color: (3,), albedo, or
+    a metal's reflectance at normal incidence. emission: (3,), W/(m^2 sr). roughness: alpha of a metal; None
+    if diffuse.
     """
 
     positions: Array
@@ -35,10 +35,10 @@ class Surface:
 class SizelessLight:
     """A light without size.
 
-    power: (3,), W/sr along the axis; W/m^2 of a light at infinity. position: (3,), None at infinity.
-    axis: (3,), unit, the way it shines; None for all around. inner, outer: radians off the axis where
-    a light with a place and an axis begins and ends to fade. linear: whether it fades with the cosine or by
-    its smoothstep.
+    power: (3,), W/sr along the axis; W/m^2 for a light at infinity. position: (3,), None at infinity.
+    axis: (3,), unit, the direction it shines in; None for all directions. inner, outer: angles off the axis,
+    in radians, at which a spot begins and ends to fade. linear: whether it fades with the cosine, or with the
+    smoothstep of it.
     """
 
     power: Array
@@ -51,9 +51,9 @@ class SizelessLight:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """An image to rasterise. ambient: (3,), the radiance that comes from all around; background: (h, w, 3),
-    what is seen where nothing is.
+    """An image to rasterise.
 
+    ambient: (3,), radiance from all directions. background: (h, w, 3), radiance of pixels without a surface.
     film: left, top, width and height of a pixel, at distance 1. unit: the scene's units in one of the task's.
     """
 

@@ -28,15 +28,15 @@ from pipeline.baseline.task import Array, SizelessLight, Surface, Task
 TASKS = "tasks.pickle"
 NEAREST = 1e-5  # of the farthest depth: what is nearer is cut off
 MARGIN = 0.5  # the near plane of the image, of the least depth that was seen with the plane at NEAREST
-# the far plane, of the farthest corner: that corner's depth in the buffer is then 5e-6 below 1 at worst, and
-# 1 is nothing
+# The far plane, in depths of the farthest corner: in the buffer that corner is at least 5e-6 below 1, which
+# is the background.
 FARTHEST = 2.0
 REPEATS = 5  # timed draws, of which the median tells the time
 SHADERS = Path(__file__).parent / "shaders"
 
 
 def result_file(folder: Path, number: int) -> Path:
-    """Where the result of task `number` is left."""
+    """The file of the result of task `number`."""
     return folder / f"{number}.npz"
 
 
@@ -50,7 +50,7 @@ def main(folder: Path) -> None:
 
 
 def _draw(task: Task, canvas: _Canvas) -> dict[str, Any]:
-    """Draw once to find the near plane, once to warm up, and then timed."""
+    """Draw once to find the near plane, once to warm up, and then REPEATS times against the clock."""
     _, first = canvas.draw(NEAREST)
     seen = first[np.isfinite(first)]
     near = max(NEAREST, MARGIN * float(seen.min())) if seen.size else NEAREST
@@ -111,7 +111,7 @@ class _Canvas:
         return made
 
     def draw(self, near: float) -> tuple[Array, Array]:
-        """The image (h, w, 3) and the depths along the view (h, w), infinite where nothing is."""
+        """The image (h, w, 3) and the depths (h, w) along the view, infinite in the background."""
         self.camera.znear = near
         self.renderer.render(self.scene, self.flags)  # leaves its framebuffer bound for reading
         gl, (width, height) = self.gl, self.size

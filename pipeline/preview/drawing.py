@@ -1,9 +1,8 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""A picture of a scene from outside: geometry, the camera and what it sees, the lights, and one pixel's
-samples.
+"""A picture of a scene from outside: geometry, camera, lights, and the samples of one pixel.
 
-The only import of pyvista, which draws off screen by OpenGL. Where there is none VTK ends the whole process,
-so that it is tried in a process of its own first.
+The only import of pyvista, which draws off screen by OpenGL. Without OpenGL VTK ends the whole process, so
+that it is tried in a process of its own first.
 """
 
 from __future__ import annotations
@@ -16,22 +15,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.preview.samples import HIDDEN, IDLE, SEEN, Tried
 from pipeline.preview.view import View
 from renderer import RenderScene
+from scenes.arrays import Array
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import ShapeDescription
 from scenes.errors import PenumbraError
 
-Array = NDArray[np.float64]
-
 SIZE = (1280, 900)  # pixels
 SEGMENTS = 256  # of a disk's rim, and 5,120 triangles a sphere
-HANDED = np.array(
-    [1.0, 1.0, -1.0]
-)  # our space is left-handed as pbrt's, VTK's right-handed: everything is drawn at -z
+HANDED = np.array([1.0, 1.0, -1.0])  # pbrt's space is left-handed, VTK's right-handed: z is turned
 COLOURS = {SEEN: "#ffb000", HIDDEN: "#dc267f", IDLE: "#648fff"}  # told apart by the colour-blind too
 BACKGROUND, INK = "#eef0f4", "#1b1f2a"
 SECONDS = 120  # for the trial: the first import of VTK from a slow disk
@@ -50,7 +45,7 @@ REMEDY = "install EGL with Mesa, for example: apt install libegl1"
 
 @dataclass(frozen=True)
 class OffScreen:
-    """Whether pictures can be drawn here, by which of VTK's windows, or why not."""
+    """Whether pictures can be drawn here. detail: how, or why not. window: the class of VTK's window."""
 
     works: bool
     detail: str
@@ -94,7 +89,7 @@ def _tried(window: str) -> OffScreen:
 
 
 def draw(scene: RenderScene, view: View, tried: Tried | None, title: str, path: Path, how: OffScreen) -> None:
-    """Write the picture, SIZE pixels. tried: None for a scene without a pixel to show."""
+    """Write the picture, SIZE pixels. tried: the samples of a pixel, if there is one to show."""
     if how.window:
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = how.window
     import pyvista as pv
@@ -153,7 +148,7 @@ def _mesh(pv: Any, shape: ShapeDescription) -> Any:
 
 
 def _lights(pv: Any, plotter: Any, scene: SceneDescription, view: View) -> None:
-    """Lights that are no shapes: a ball where one has a place, an arrow where one has a direction."""
+    """Lights without a shape: a ball for one with a place, an arrow for one with a direction."""
     for light in scene.lights:
         if light.place is not None:
             ball = pv.Sphere(radius=0.02 * view.extent, center=light.place * HANDED)
@@ -168,7 +163,7 @@ def _lights(pv: Any, plotter: Any, scene: SceneDescription, view: View) -> None:
 
 
 def _camera(pv: Any, plotter: Any, view: View) -> None:
-    """The frustum, up to a screen on which the image stands that the camera sees."""
+    """The camera's frustum, up to a screen that shows its image."""
     eye, corners = view.eye, view.screen[[0, 0, -1, -1], [0, -1, -1, 0]]
     h, w = view.image.shape[:2]
     grid = pv.StructuredGrid(*(np.ascontiguousarray(view.screen[..., i])[None] for i in range(3)))
@@ -186,9 +181,7 @@ def _camera(pv: Any, plotter: Any, view: View) -> None:
 
 
 def _samples(pv: Any, plotter: Any, tried: Tried, extent: float) -> None:
-    """Every sample as a line from its point, and a dot where it ends on a light or on what hides the
-    light.
-    """
+    """Every sample as a line, with a dot at its end on a light or on the surface that hides the light."""
     for state in (IDLE, HIDDEN, SEEN):
         rows = np.flatnonzero(tried.state == state)
         if not rows.size:

@@ -1,6 +1,4 @@
-"""An estimator at work at one pixel: the points that are seen in it, and every direction that is tried from
-them.
-"""
+"""Every direction that an estimator samples from the points seen in one pixel, and whether light arrives."""
 
 from __future__ import annotations
 
@@ -25,11 +23,11 @@ OPEN_WORDS = ("of no use", "something is there", "open")  # of ambient occlusion
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """n samples from points seen in a pixel. start, end: (n, 3), the end of a hidden one on what hides it.
-    state: (n,), see WORDS.
+    """The n samples that were taken from points seen in a pixel.
 
-    far: (n,), whether it goes to something without a distance, its end being just beyond the scene. spp: how
-    many camera rays.
+    start, end: (n, 3); a hidden sample ends on the surface that hides the light. state: (n,), IDLE, HIDDEN or
+    SEEN. far: (n,), whether it goes to a light at infinity; it then ends just beyond the scene. spp: camera
+    rays. words: for each state.
     """
 
     start: Floats
@@ -40,7 +38,7 @@ class Tried:
     words: tuple[str, str, str]
 
     def count(self, state: int) -> int:
-        """How many samples came to that."""
+        """The number of samples of this state."""
         return int(np.count_nonzero(self.state == state))
 
 
@@ -53,12 +51,11 @@ def try_pixel(
     reach: float,
     sampler: str,
 ) -> Tried:
-    """The samples of one pixel (x, y), counted from the top left, as the estimator draws them, nothing left
-    out by the plan.
+    """Render one pixel without pruning, and record every sample that the estimator draws.
 
-    spp: camera rays. reach: world units, how far to draw what goes to infinity. PenumbraError where the pixel
-    is not in the image or the estimator does not apply. The random numbers are those of the first pixel of an
-    image.
+    pixel: (x, y) from the top left. spp: camera rays. reach: length to draw samples to infinity with, in
+    world units. The random numbers are those of an image's first pixel. PenumbraError if the pixel is not in
+    the image, or the estimator does not apply to the scene.
     """
     x, y = pixel
     camera = scene.camera
@@ -86,7 +83,7 @@ Told = tuple[SurfaceHit, Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]
 
 @dataclass(frozen=True, eq=False)
 class _Recorder:
-    """An estimator and what it tries."""
+    """Records all that a wrapped estimator samples."""
 
     inner: Estimator
     told: list[Told] = field(default_factory=list[Told])
@@ -97,7 +94,7 @@ class _Recorder:
         self.told.append((hit, wi, dist, useful, hidden))
 
     def probe(self) -> Estimator:
-        """The estimator under its own name, watched."""
+        """The estimator under its own name, with this recorder as its witness."""
 
         def estimate(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
             return self.inner.estimate(scene, replace(plan, witness=self.witness), hit, u)
@@ -108,17 +105,15 @@ class _Recorder:
 
 @dataclass(frozen=True, eq=False)
 class _Watched(Estimator):
-    """As the inner estimator, but for `estimate`."""
+    """The inner estimator with another `estimate`."""
 
     inner: Estimator
     watched: Callable[[RenderScene, RenderPlan, SurfaceHit, Floats], Reflected]
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """As above."""
         return self.inner.refuses(scene)
 
     def dimensions(self, scene: RenderScene) -> int:
-        """As above."""
         return self.inner.dimensions(scene)
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
@@ -134,16 +129,11 @@ def _drawn(
     hidden: NDArray[np.bool_],
     reach: float,
 ) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.bool_]]:
-    """Start, end, state and far of what the witness was told; rows without a direction are left out."""
+    """The columns start, end, state and far of `Tried`; rows without a direction are left out."""
     with np.errstate(invalid="ignore", over="ignore"):
         rows = np.flatnonzero(np.abs((wi * wi).sum(axis=0) - 1.0) < 1e-6)
-    hit, wi, dist, useful, hidden = (
-        hit.take(rows),
-        wi.take(rows, axis=1),
-        dist[rows],
-        useful[rows],
-        hidden[rows],
-    )
+    hit, wi = hit.take(rows), wi.take(rows, axis=1)
+    dist, useful, hidden = dist[rows], useful[rows], hidden[rows]
     state = np.where(hidden, HIDDEN, np.where(useful, SEEN, IDLE)).astype(np.int64)
     far = ~np.isfinite(dist)
     length = np.where(far, reach, dist)
@@ -153,7 +143,7 @@ def _drawn(
 
 
 def _first(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
-    """Distance (n,) to whatever is met first, inf for nothing."""
+    """Distance (n,) from a hit to the first surface along wi; inf for none."""
     everyone = np.arange(len(scene.analytic), dtype=np.int64)
     t, _ = scene.analytic.closest(everyone, hit.p, wi, hit.primitive)
     if scene.triangles is None:

@@ -1,6 +1,4 @@
-"""Where to look at a scene from, so that its camera, its lights and what it sees are in the picture; no
-drawing.
-"""
+"""The viewpoint of a preview, chosen so that the camera, the lights and what is in view are all shown."""
 
 from __future__ import annotations
 
@@ -12,15 +10,11 @@ from numpy.typing import NDArray
 from pipeline.preview.samples import Tried
 from renderer import RenderScene, render
 from renderer.camera import Camera
+from scenes.arrays import Array
 from scenes.description.shapes import ShapeDescription
 
-Array = NDArray[np.float64]
-
 ANGLE = 34.0  # degrees, of the view's height
-TURN, RISE = (
-    55.0,
-    24.0,
-)  # degrees: how far the view stands aside from the camera's own line, and above the ground
+TURN, RISE = 55.0, 24.0  # degrees that the view stands aside from the camera's own line, and above the ground
 GRID = 24  # rays across the image that find out what is in view
 IMAGE = 160  # pixels, the longer side of the image on the camera's screen
 FAR = 1.6  # times the middle distance of what is in view: a floor's horizon beyond that is not framed
@@ -30,12 +24,12 @@ SCREEN = 0.22  # of the extent: how far before the camera its screen stands
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """position, target: (3,) of the view. angle: degrees, its height. extent: world units, the size of what
-    is shown.
+    """A view of a scene and its camera from outside.
 
-    eye: (3,). screen: (h + 1, w + 1, 3), corners of the pixels of `image` (h, w, 3) uint8. seen: (3,), what
-    the camera sees in the pixel. labels: places and words. veiled: shapes that would hide what there is to
-    see.
+    position, target: (3,). angle: of the view's height, degrees. extent: size of the scene in view, world
+    units. eye: (3,), of the scene's camera. screen: (h + 1, w + 1, 3), corners of the pixels of its `image`
+    (h, w, 3) uint8. seen: (3,), the point that its chosen pixel sees. labels: places and words. veiled:
+    numbers of the shapes to draw translucent, since they stand before something of interest.
     """
 
     position: Array
@@ -63,7 +57,7 @@ class View:
 
 
 def extent_of(scene: RenderScene) -> tuple[Array, Array]:
-    """Lowest and highest corner, (3,) each, of what is in view, the camera and the lights that have a
+    """The corners (3,) of the box around the camera, the points in its view and the lights that have a
     place.
     """
     points = [in_view(scene), scene.camera.origin.T]
@@ -74,7 +68,7 @@ def extent_of(scene: RenderScene) -> tuple[Array, Array]:
 
 
 def in_view(scene: RenderScene) -> Array:
-    """Points (m, 3) that rays across the image meet, without those that are many times farther than most."""
+    """Points (m, 3) that rays across the image meet; far ones are moved to FAR times the middle distance."""
     camera = scene.camera
     x, y = (g.ravel() for g in np.meshgrid(*(np.linspace(0, n, GRID) for n in (camera.width, camera.height))))
     o, d, t = first(scene, camera, x, y)
@@ -86,21 +80,14 @@ def in_view(scene: RenderScene) -> Array:
 
 
 def first(scene: RenderScene, camera: Camera, x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Origins and unit directions (3, n) through film points in pixels (n,), and how far it is to what they
-    meet, inf for nothing.
-    """
+    """Origins and unit directions (3, n) of rays through film points in pixels, and their lengths (n,)."""
     o, d = camera.through(x, y)
-    return np.broadcast_to(o, d.shape), d, first_from(scene, o, d)
-
-
-def first_from(scene: RenderScene, origin: Array, d: Array) -> Array:
-    """How far it is from origin (3, 1) or (3, n) along d (3, n) to what is met first, inf for nothing."""
-    t, _ = scene.analytic.closest(np.arange(len(scene.analytic), dtype=np.int64), origin, d)
-    return t if scene.triangles is None else np.minimum(t, scene.triangles.closest(origin, d)[0])
+    o = np.broadcast_to(o, d.shape)
+    return o, d, first_hit(scene, o, d)[0]
 
 
 def look(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None, estimator: str) -> View:
-    """The view of a scene. pixel: (x, y) from the top left, or None."""
+    """Choose the view of a scene. pixel: (x, y) from the top left, or None."""
     low, high = extent_of(scene)
     extent = float(np.linalg.norm(high - low))
     target = (low + high) / 2
@@ -125,7 +112,7 @@ def look(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None,
 
 
 def _position(scene: RenderScene, target: Array, extent: float) -> Array:
-    """From the side of the camera, turned about the vertical so that its view runs across the picture."""
+    """A position on the camera's side, turned about the vertical so that its view runs across the picture."""
     camera = scene.camera
     middle = np.array([camera.width / 2]), np.array([camera.height / 2])
     back = -(camera.screen(*middle, 1.0) - camera.screen(*middle, 0.0))[:, 0]
@@ -136,7 +123,7 @@ def _position(scene: RenderScene, target: Array, extent: float) -> Array:
 
 
 def _seen(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None) -> Array | None:
-    """The middle of the points that samples start from, or what the middle of the pixel sees."""
+    """The median of the points that samples start from, or the point seen in the pixel's middle."""
     if tried is not None and len(tried.start):
         return np.median(tried.start, axis=0)
     if pixel is None:
@@ -146,7 +133,7 @@ def _seen(scene: RenderScene, pixel: tuple[int, int] | None, tried: Tried | None
 
 
 def _screen(scene: RenderScene, extent: float, estimator: str) -> tuple[Array, NDArray[np.uint8]]:
-    """The image that the camera sees, small, and where it stands."""
+    """The corners of the screen's pixels, and the camera's small image on it."""
     camera = scene.camera
     step = max(camera.width, camera.height) / min(IMAGE, max(camera.width, camera.height))
     width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
@@ -159,12 +146,12 @@ def _screen(scene: RenderScene, extent: float, estimator: str) -> tuple[Array, N
 
 
 def _shown(image: Array) -> NDArray[np.uint8]:
-    """Linear radiance as 8-bit sRGB, by a power of 1/2.2: a picture in the picture, to find one's way by."""
+    """Linear radiance as 8-bit values, by a power of 1/2.2."""
     return np.rint(255 * np.clip(image, 0.0, 1.0) ** (1 / 2.2)).astype(np.uint8)
 
 
 def _labels(scene: RenderScene) -> list[tuple[Array, str]]:
-    """Camera and lights; an environment and a light at infinity are told by the title."""
+    """The camera and the lights that have a place."""
     labels = [(scene.camera.origin[:, 0], "camera")]
     for source, name in zip(scene.sources.all, scene.sources.names, strict=True):
         if isinstance(source, ShapeDescription):
@@ -177,9 +164,7 @@ def _labels(scene: RenderScene) -> list[tuple[Array, str]]:
 def _veiled(
     scene: RenderScene, position: Array, seen: Array | None, tried: Tried | None, screen: Array
 ) -> frozenset[int]:
-    """The shapes before what there is to see: the camera, its screen, the pixel's point, the ends of
-    samples.
-    """
+    """The shapes that stand before the camera, its screen, the pixel's point or the ends of samples."""
     goals = [
         scene.camera.origin.T,
         screen[:: max(1, len(screen) - 1), :: max(1, screen.shape[1] - 1)].reshape(-1, 3),
@@ -190,36 +175,29 @@ def _veiled(
         goals += [tried.start + share * (tried.end - tried.start) for share in (0.5, 0.97)]
     way = np.concatenate(goals).T - position[:, None]
     far = np.sqrt((way * way).sum(axis=0))
-    hidden = np.zeros(0, dtype=np.int64)
     origin, d = np.repeat(position[:, None], far.size, axis=1), way / far
     found: set[int] = set()
     left = far * (1 - 1e-3)
     for _ in range(4):  # through four surfaces at most
-        t, shape = _shape_along(scene, origin, d)
+        t, shape = first_hit(scene, origin, d)
         hidden = np.flatnonzero(t < left)
         if not hidden.size:
             break
         found |= set(shape[hidden].tolist())
-        origin, d, left = (
-            (origin + d * (t * (1 + 1e-6)))[:, hidden],
-            d[:, hidden],
-            (left - t)[hidden],
-        )
+        origin = (origin + d * (t * (1 + 1e-6)))[:, hidden]
+        d, left = d[:, hidden], (left - t)[hidden]
     return frozenset(found)
 
 
-def _shape_along(scene: RenderScene, origin: Array, d: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Distance (n,) to what rays from origin (3, n) along d (3, n) meet, and the shape, -1 for nothing."""
+def first_hit(scene: RenderScene, origin: Array, d: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Distance (n,) to the first surface from origin (3, n) along d (3, n), and its shape; inf and -1 for
+    none.
+    """
     everyone = np.arange(len(scene.analytic), dtype=np.int64)
     t, primitive = scene.analytic.closest(everyone, origin, d)
-    shape = (
-        np.where(primitive >= 0, scene.analytic.shape.take(primitive, mode="clip"), -1)
-        if everyone.size
-        else primitive
-    )
+    shape = np.append(scene.analytic.shape, -1)[primitive]
     if scene.triangles is None:
         return t, shape
-    none = np.full(t.size, -1, dtype=np.int64)
-    near, triangle = scene.triangles.closest_from(origin, -d, none, d)
+    near, triangle = scene.triangles.closest(origin, d)
     nearer = near < t
     return np.where(nearer, near, t), np.where(nearer, scene.triangles.shape[triangle], shape)
