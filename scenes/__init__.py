@@ -1,4 +1,4 @@
-"""Scenes: pbrt-v4 text in, a frozen `SceneDescription` out. The ground floor; imports no sibling package."""
+"""Scenes: pbrt-v4 text is read into a frozen `SceneDescription`. This package imports none of the others."""
 
 from scenes.catalog import library, load
 from scenes.description.scene import SceneDescription

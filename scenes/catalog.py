@@ -1,4 +1,4 @@
-"""The scenes that can be named: the library's, and any .pbrt file by its path."""
+"""Scenes by name: those of the library, and any .pbrt file by its path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIBRARY = Path(__file__).parent / "library"
 
 @dataclass(frozen=True)
 class LibraryScene:
-    """A built-in scene. title: the first line of its header comment; doc: the whole of it."""
+    """A built-in scene. title: the first line of its header comment. doc: the whole header comment."""
 
     name: str
     path: Path
@@ -46,15 +46,15 @@ def load(
     substitute: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> SceneDescription:
-    """Read a scene by library name or by path of a .pbrt file.
+    """Read a scene by library name or by the path of a .pbrt file.
 
-    parameters: values of the template's `$name`s, finite numbers. allow_outside: whether files that the scene
-    names may lie outside its own folder; None: if ALLOW_OUTSIDE is set in the environment, which the
-    processes of a run inherit. strict: whether a scene is refused whose image would not be the one that pbrt
-    makes. substitute: whether what is not simulated is rendered as the nearest that is, where there is one;
-    `substitutions` of the scene lists each. progress: told of the share of the text that is read, where that
-    takes more than a second. PenumbraError where there is no such scene or parameter,
-    SceneError with file, line and column where the text is wrong.
+    parameters: values of the template's `$name`s, finite numbers. allow_outside: whether the scene may name
+    files outside its own folder; None asks the environment variable ALLOW_OUTSIDE, which the processes of a
+    run inherit. strict: refuse a scene whose image would differ from pbrt's. substitute: render the nearest
+    thing that is simulated in place of one that is not; the scene's `substitutions` list each. progress:
+    called with the share of the text that is read, if reading takes more than a second.
+
+    PenumbraError for an unknown scene or parameter. SceneError with file, line and column for wrong text.
     """
     path = find(name_or_path)
     allow_outside = bool(os.environ.get(ALLOW_OUTSIDE)) if allow_outside is None else allow_outside
@@ -63,7 +63,7 @@ def load(
 
 
 def find(name_or_path: str) -> Path:
-    """The file of a scene; PenumbraError saying what there is, if there is none."""
+    """The file of a scene. Raises PenumbraError with the names that exist."""
     names = [path.stem for path in sorted(LIBRARY.glob("*.pbrt"))]
     if name_or_path in names:
         return LIBRARY / f"{name_or_path}.pbrt"

@@ -94,9 +94,9 @@ def blackbody(kelvin: float, role: Role = "illuminant") -> Array:
 
 def named(name: str, role: Role) -> Array:
     """One of pbrt's named spectra as (3,) linear sRGB: an illuminant, one of METALS with "-eta" or "-k", or
-    one of GLASSES, of one index for all of the spectrum.
+    one of GLASSES, which has a single index.
 
-    A metal's look needs both together: use `metal`. PenumbraError for other names.
+    A metal's look needs both spectra together: see `metal`. PenumbraError for other names.
     """
     if role == "illuminant" and name in ILLUMINANTS:
         return _light(_illuminant(ILLUMINANTS[name]))

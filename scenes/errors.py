@@ -1,4 +1,4 @@
-"""Errors that are the user's to mend: clear lines, exit code 2, never a traceback."""
+"""Errors that the user can mend: clear lines, exit code 2, never a traceback."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Location:
 
 
 class SceneError(PenumbraError):
-    """A scene that cannot be read or rendered: what, where, and what is allowed; one line, and one for each
-    further place.
+    """A scene that cannot be read or rendered: what is wrong, where, and what is allowed. It has one line for
+    each place.
     """
 
     def __init__(self, message: str, location: Location | None = None, further: Sequence[str] = ()) -> None:
@@ -42,17 +42,16 @@ class SceneError(PenumbraError):
 
 
 class Unsupported(SceneError):
-    """The format allows it, and nothing here simulates it.
-
-    A parser that meets it reads on, to name all of them at once.
+    """Something that the format allows and that is not simulated. The parser reads on, to name all such
+    things at once.
     """
 
 
 class Report:
-    """The kinds of things in a scene that are not simulated, with their places.
+    """The things in a scene that are not simulated, with their places.
 
-    strict: whether a place that a note would do for is refused as well. substitute: whether what has a
-    nearest is rendered as that.
+    strict: also refuse a place that a note would do for. substitute: render the nearest thing that is
+    simulated.
     """
 
     def __init__(self, strict: bool = False, substitute: bool = False) -> None:
@@ -63,56 +62,56 @@ class Report:
         self._notes: dict[str, dict[Location, None]] = {}
 
     def note(self, message: str, where: Location) -> None:
-        """Note a place where the image is not the one that pbrt makes, without refusing the scene."""
+        """Note a place where the image differs from pbrt's, without refusing the scene."""
         if self._strict:
             self.add(message, where)
         else:
             self.remark(message, where)
 
     def remark(self, message: str, where: Location) -> None:
-        """Note a place that looks like a mistake, of which pbrt makes the same image."""
+        """Note a place that looks like a mistake and leaves the image as pbrt's."""
         self._notes.setdefault(_one_line(message), {})[where] = None
 
     def notes(self) -> tuple[str, ...]:
-        """One line for each kind of note, with its first place and how many more there are."""
+        """One line for each kind of note: its first place, and the number of others."""
         return _placed(self._notes)
 
     @property
     def substitutes(self) -> bool:
-        """Whether what has a nearest is rendered as that."""
+        """Whether the nearest thing that is simulated may be rendered."""
         return self._substitute
 
     def substitute(self, what: str, nearest: str, where: Location) -> None:
-        """Refuse a place unless it may be rendered as the nearest that is simulated."""
+        """Render the nearest thing that is simulated, or refuse the place if that is not allowed."""
         if self._substitute:
             self._substitutions.setdefault(_one_line(f"{what}: rendered {nearest}"), {})[where] = None
         else:
             self.add(f"{what} is not supported; --substitute renders it {nearest}", where)
 
     def substitutions(self) -> tuple[str, ...]:
-        """One line for each kind of substitution, as for notes."""
+        """One line for each kind of substitution: its first place, and the number of others."""
         return _placed(self._substitutions)
 
     def add(self, message: str, where: Location) -> None:
-        """Note a place that asks for what is not simulated; the same place counts once for a message."""
+        """Refuse a place; the same place counts once for a message."""
         self._refusals.setdefault(_one_line(message), {})[where] = None
 
     def check(self) -> None:
-        """One SceneError that lists each kind of refusal, a line each and the first as its own."""
+        """Raise one SceneError with a line for each kind of refusal."""
         if self._refusals:
             (message, places), *rest = self._listed()
             first = f"{message}{_others(places)}"
             raise SceneError(first, next(iter(places)), self._lines(rest))
 
     def behind(self, error: SceneError) -> SceneError:
-        """`error` with the refusals listed behind it; itself where they are its own, or none."""
+        """The `error`, with the refusals listed after it if it is not one of them."""
         lines = self._lines(self._listed())
         if not lines or str(error).startswith(lines[0]):
             return error
         return SceneError(error.message, error.location, [*error.further, *lines])
 
     def _listed(self) -> list[tuple[str, dict[Location, None]]]:
-        """The refusals by their first places, the files in the order in which something was found in them."""
+        """The refusals by their first places, file by file in the order of the first find."""
         files = list(dict.fromkeys(where.file for places in self._refusals.values() for where in places))
 
         def first(item: tuple[str, dict[Location, None]]) -> tuple[int, int, int]:
@@ -133,13 +132,13 @@ def _placed(kinds: Mapping[str, dict[Location, None]]) -> tuple[str, ...]:
 
 
 def _others(places: dict[Location, None]) -> str:
-    """How many places there are beside the first."""
+    """The number of places beside the first, in words."""
     return f" and {len(places) - 1} more" if len(places) > 1 else ""
 
 
 def _one_line(text: str) -> str:
-    """The words of a file, fit for a terminal: control characters spelled out, and the middle of long
-    nonsense left out.
+    """Words of a file, fit for a terminal: control characters are spelled out, and long ones cut in the
+    middle.
     """
     text = (
         text if len(text) <= 1200 else text[:600] + text[-600:]

@@ -1,4 +1,4 @@
-"""Files: where those that a scene names may lie, how much of them is read, and how a file is replaced."""
+"""Files: where a scene's files may lie, how much of them is read, and how a file is replaced."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _ESCAPED = "\b\f\n\r\t"  # what \b and the like in a path become
 
 
 class Files:
-    """Finds files for a scene. root: the folder of its top file, which nothing leaves unless `allow_outside`
-    is set.
+    """The search for files that a scene names. root: the folder of its top file, which no path leaves unless
+    `allow_outside` is set.
     """
 
     def __init__(self, root: Path, allow_outside: bool = False) -> None:
@@ -66,9 +66,8 @@ class Files:
 
 
 def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
-    """The content of a file, decompressed if its name ends in .gz, or its first bytes.
-
-    PenumbraError if the file cannot be read or is too large.
+    """The content of a file, decompressed if its name ends in .gz, or only its first bytes. PenumbraError if
+    the file cannot be read or is too large.
     """
     try:
         status = path.stat()
@@ -91,7 +90,9 @@ def read_bytes(path: Path, first: int = FILE_LIMIT + 1) -> bytes:
 
 
 def check_fetched(path: Path) -> None:
-    """PenumbraError where Git left a pointer in place of a large file; OSError where it cannot be read."""
+    """Raise PenumbraError if the file is a pointer that Git LFS left in place of a large file, and OSError if
+    it cannot be read.
+    """
     with path.open("rb") as stream:
         if stream.read(len(POINTER)) == POINTER:
             raise PenumbraError(
@@ -101,11 +102,11 @@ def check_fetched(path: Path) -> None:
 
 @contextmanager
 def replacing(path: str | Path, durable: bool = False) -> Generator[Path]:
-    """A temporary name beside `path`, of the same suffix: it takes the place of `path` when the block ends
-    well, and vanishes when it does not.
+    """A temporary name beside `path`, with its suffix. It replaces `path` when the block ends well, and
+    vanishes if not.
 
-    durable: the content is on the disk before the name is. Readers see the old file or the new one, never a
-    part. PenumbraError where the folder cannot be written.
+    Readers see the old file or the new one, never a part. durable: write the content to the disk before the
+    name. PenumbraError if the folder cannot be written.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}{path.suffix}")
@@ -136,7 +137,7 @@ def _flush(path: Path) -> None:
 
 
 def utf8_name(path: str | Path) -> str:
-    """The path as text for a library that takes UTF-8 only; PenumbraError where it holds other bytes."""
+    """The path as text, for libraries that take UTF-8 only. PenumbraError if it holds other bytes."""
     try:
         str(path).encode()
     except UnicodeEncodeError:

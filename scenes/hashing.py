@@ -1,6 +1,6 @@
-"""The one way in which content becomes a key: SHA-256 over values, files and code.
+"""Keys of content: SHA-256 over values, files and code.
 
-Every cache of this project is addressed by such keys, so that a result never outlives what it was made of.
+Every cache of this project is addressed by such keys, so that no result outlives what it was made from.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ SCALARS: tuple[type, ...] = (str, int, float, np.number, np.bool_, type(None))
 def hash_values(*values: object) -> str:
     """SHA-256 of some values, in 64 hexadecimal digits.
 
-    Each item goes in with its type and its length, so that no two different values feed the same bytes. A
-    field of a dataclass whose metadata say `content: False` is left out. TypeError for other types than
+    Each value enters with its type and its length, so that different values never feed the same bytes. A
+    field of a dataclass is left out if its metadata say `content: False`. TypeError for types other than
     dataclasses, arrays, tuples, lists, mappings, bytes, texts, numbers and None.
     """
     digest = hashlib.sha256()
@@ -38,7 +38,7 @@ def hash_file(path: Path) -> str:
 
 
 def hash_bytes(content: bytes) -> str:
-    """SHA-256 of some bytes as they are, in 64 hexadecimal digits."""
+    """SHA-256 of bytes, in 64 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
 
 
@@ -49,7 +49,7 @@ def hash_code(root: Path, files: Iterable[Path], libraries: Iterable[str]) -> st
 
 
 def versions(libraries: Iterable[str]) -> dict[str, str | None]:
-    """The installed version of each distribution; None where it is not installed."""
+    """The installed version of each distribution, None if it is not installed."""
     found: dict[str, str | None] = {}
     for name in libraries:
         try:
@@ -77,7 +77,7 @@ def _feed(digest: Any, value: object) -> None:
 
 
 def _items(value: object) -> tuple[str, list[object]]:
-    """A mark of the kind and the length of a compound value, and its items in order."""
+    """The kind and length of a compound value as a mark, and its items in order."""
     if is_dataclass(value) and not isinstance(value, type):
         content = [item.name for item in fields(value) if item.metadata.get("content", True)]
         pairs = {name: getattr(value, name) for name in content}

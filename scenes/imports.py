@@ -1,4 +1,4 @@
-"""The files that a Python file imports, found by reading it, not by running it."""
+"""The files that a Python file imports, found by parsing it without running it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def imported_files(files: Iterable[Path], root: Path, followed: Sequence[str]) -> list[Path]:
-    """The files and all that they import, directly or not, of the packages `followed` below `root`; sorted.
+    """The files and all that they import, directly or not, of the packages `followed` below `root`, sorted.
 
-    `import` and `from ... import` anywhere in a file count, those for a type alone too. A module brings the
-    `__init__.py` of its packages along, which run before it does.
+    `import` and `from ... import` count anywhere in a file, also for a type alone. A module brings along the
+    `__init__.py` of its packages, which run before it does.
     """
     found, waiting = set[Path](), {path.resolve() for path in files}
     while waiting:

@@ -1,8 +1,8 @@
-"""Named things, one file each: lights, estimators, samplers, metrics, backends.
+"""Registries of named things, one file each: lights, estimators, samplers, metrics, backends.
 
-A module ends with `LIGHTS.add("rectangle", RectangleLights)`; the registry imports every module of its
-package at the first look-up, so that a new entry is one new file and no other is touched. Plug-ins of a
-user's own (`scenes.plugins`) are imported after them and add their entries by the same call.
+A module ends with `LIGHTS.add("rectangle", RectangleLights)`. The registry imports every module of its
+package at the first look-up, so that a new entry touches one new file. Plug-ins of a user's own
+(`scenes.plugins`) follow and add entries by the same call.
 """
 
 from __future__ import annotations
@@ -32,9 +32,8 @@ class Registry(Generic[T]):
         self._loaded = False
 
     def add(self, name: str, entry: T) -> T:
-        """Register `entry` for the module that is being run; ValueError where another module has the name.
-
-        A module that is run again replaces its own entry.
+        """Register `entry` for the module that is running. ValueError if another module has the name; a
+        module that runs again replaces its own entry.
         """
         module = _running_module()
         if module["__name__"].split(".")[0] != self.package.split(".")[0]:
@@ -47,7 +46,7 @@ class Registry(Generic[T]):
         return entry
 
     def file(self, name: str) -> Path:
-        """The file that registered `name`; PenumbraError where it was none but a notebook or a prompt."""
+        """The file that registered `name`. PenumbraError for an entry from a notebook or a prompt."""
         self[name]
         file = self._files.get(name)
         if file is None:
@@ -58,7 +57,7 @@ class Registry(Generic[T]):
         return file
 
     def __getitem__(self, name: str) -> T:
-        """The entry called `name`; PenumbraError naming what there is, if there is none."""
+        """The entry called `name`. PenumbraError with all names if there is none."""
         self._load()
         if name not in self._entries:
             raise PenumbraError(
@@ -92,7 +91,7 @@ class Registry(Generic[T]):
 
 
 def _running_module() -> dict[str, Any]:
-    """The globals of the innermost module whose own lines are being run."""
+    """The globals of the innermost module whose top-level code is running."""
     frame: FrameType | None = inspect.currentframe()
     while frame is not None and frame.f_code.co_name != "<module>":
         frame = frame.f_back

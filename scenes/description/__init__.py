@@ -1,1 +1,1 @@
-"""Scenes, once their text is read: frozen, in world space, in float64, free of any renderer."""
+"""Scenes as data: frozen, in world space, in float64, free of any renderer."""

@@ -1,6 +1,6 @@
-"""Emitters that coincide: the same face twice, back to back, or one mesh with both windings.
+"""Emitting faces that share a place: a face given twice, two back to back, or a mesh with both windings.
 
-A ray meets any one of them and light sampling all of them: whoever traces rays has to know.
+A ray meets one of them, light sampling all of them. Every program that traces rays has to account for that.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ PRIMES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], 
 
 @dataclass(frozen=True, eq=False)
 class Coinciding:
-    """Of the f faces of emitting shapes, in their order. shape: (f,) which each belongs to.
-
-    group: (f,) the first face that is where this one is. same_side: (f,) whether they shine the same way.
+    """The f faces of emitting shapes, in their order. shape: (f,) the shape of each face. group: (f,) the
+    first face in the same place. same_side: (f,) whether all faces of that place shine the same way.
     """
 
     shape: NDArray[np.int64]
@@ -30,13 +29,13 @@ class Coinciding:
 
     @property
     def shapes(self) -> NDArray[np.int64]:
-        """The shapes that have a face in common with another, or twice."""
+        """The shapes with a face that shares its place with another."""
         shared = np.bincount(self.group, minlength=self.group.size)[self.group] > 1
         return np.unique(self.shape[shared])
 
 
 def coinciding(shapes: Sequence[ShapeDescription]) -> Coinciding | None:
-    """The faces of emitting shapes, those with `alpha` aside, where any two coincide; else None."""
+    """The faces of emitting shapes without an alpha, if any two share a place; else None."""
     emitting = [i for i, s in enumerate(shapes) if s.emission is not None]
     if not emitting:
         return None
@@ -57,7 +56,7 @@ def coinciding(shapes: Sequence[ShapeDescription]) -> Coinciding | None:
 
 
 def _keys(points: Array) -> NDArray[np.uint64]:
-    """(f,) a hash of each face's points (f, m, 3), whatever their order."""
+    """(f,) a hash of each face's points (f, m, 3) that ignores their order."""
     whole = np.rint(points).astype(np.int64).view(np.uint64)
     mixed = (whole * PRIMES).sum(axis=2, dtype=np.uint64)
     for shift in (29, 32):
@@ -66,14 +65,18 @@ def _keys(points: Array) -> NDArray[np.uint64]:
 
 
 def _side(normals: Array) -> NDArray[np.bool_]:
-    """(f,) which of two opposite vectors (f, 3) each is: by its first component that is not rounding."""
+    """(f,) which of two opposite vectors (f, 3) each one is, by the sign of its first component above
+    rounding.
+    """
     size = np.abs(normals)
     first = (size > 1e-6 * size.max(axis=1, keepdims=True)).argmax(axis=1)
     return np.take_along_axis(normals, first[:, None], axis=1)[:, 0] > 0
 
 
 def ambiguous(shapes: Sequence[ShapeDescription]) -> str | None:
-    """Why a program that takes the first surface that a ray meets gets emitting shapes wrong, or None."""
+    """The reason why a program that takes the first surface on a ray gets emitting shapes wrong; None if it
+    does not.
+    """
     found = coinciding(shapes)
     if found is None:
         return None

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PointLight:
-    """position: (3,). intensity: (3,), W/sr."""
+    """A point light. position: (3,). intensity: (3,) W/sr."""
 
     surrounds: ClassVar[bool] = False
     towards: ClassVar[None] = None
@@ -52,10 +52,9 @@ class PointLight:
 class SpotLight:
     """A point light that fades out around its axis.
 
-    It shines in full up to `falloff_start` and not at all from `cone` on, both in degrees off the axis.
-    Between them it follows pbrt's smoothstep of the cosine.
-
-    position: (3,). axis: (3,), unit, the way it shines. intensity: (3,), W/sr, along the axis.
+    position: (3,). axis: (3,) unit, the way it shines. intensity: (3,) W/sr along the axis. It shines in full
+    up to `falloff_start` degrees off the axis and not at all from `cone` degrees on, with pbrt's smoothstep
+    of the cosine in between.
     """
 
     surrounds: ClassVar[bool] = False
@@ -82,9 +81,8 @@ class SpotLight:
 
 @dataclass(frozen=True, eq=False)
 class DistantLight:
-    """Light from one direction.
-
-    wi: (3,), unit, towards the light. irradiance: (3,), W/m^2, on a surface facing it; pbrt calls it `L`.
+    """Light from one direction. wi: (3,) unit, towards the light. irradiance: (3,) W/m^2 on a surface that
+    faces it, pbrt's `L`.
     """
 
     surrounds: ClassVar[bool] = False
@@ -234,7 +232,7 @@ class ProjectionLight:
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half the width and the height of the image on the plane at distance 1."""
+        """Half the width and half the height of the image on the plane at distance 1."""
         height, width = self.image.shape[:2]
         pixel = float(np.tan(np.radians(self.fov) / 2)) / min(height, width)
         return pixel * width, pixel * height
@@ -250,5 +248,5 @@ Light = PointLight | SpotLight | DistantLight | Environment | PortalLight | Goni
 
 
 def environments(lights: Iterable[Light]) -> tuple[Environment, ...]:
-    """The environment lights among `lights`, without those seen through a portal."""
+    """The environment lights among `lights`, without those behind a portal."""
     return tuple(light for light in lights if isinstance(light, Environment))

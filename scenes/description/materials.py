@@ -1,4 +1,4 @@
-"""Materials: how surfaces scatter."""
+"""Materials as data: how surfaces scatter light."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ SMOOTHEST = 1e-3  # where no alpha reaches this, pbrt-v4 takes a surface for a m
 
 @dataclass(frozen=True, eq=False)
 class Diffuse:
-    """Lambertian, two-sided as pbrt's. reflectance: (3,) float64 in [0, 1], or a texture of such."""
+    """Lambertian reflection from both sides, as pbrt's. reflectance: (3,) float64 in [0, 1], or a texture of
+    such.
+    """
 
     reflectance: Texture
 
     @property
     def needs_uv(self) -> bool:
-        """Whether it matters how texture coordinates lie on the surface."""
+        """Whether the material depends on texture coordinates."""
         return needs_uv(self.reflectance)
 
     @property
     def mean_alpha(self) -> None:
-        """None: there are no microfacets."""
+        """None: a diffuse surface has no microfacets."""
 
     @property
     def normal_reflectance(self) -> Array:
-        """(3,) the mean share of light from straight above that goes back, for those who draw one colour."""
+        """(3,) the mean reflectance at normal incidence, for programs that draw one colour."""
         return mean(self.reflectance)
 
     def map_colors(self, change: ColorMap) -> Diffuse:
@@ -76,21 +78,20 @@ class Microfacets:
 
     @property
     def needs_uv(self) -> bool:
-        """Whether it matters how texture coordinates lie on the surface."""
+        """Whether the material depends on texture coordinates."""
         varying = self.varying
         textured = varying is not None and needs_uv(*(v for v in (varying.u, varying.v) if v is not None))
         return textured or self.alpha_v is not None
 
     @property
     def mean_alpha(self) -> float:
-        """The alpha of isotropic microfacets with the same density of normals along the surface's."""
+        """The alpha of isotropic microfacets with the same density of normals along the surface's normal."""
         return self.alpha if self.alpha_v is None else float(np.sqrt(self.alpha * self.alpha_v))
 
 
 @dataclass(frozen=True, eq=False)
 class Conductor(Microfacets):
-    """A metal: microfacets with the Fresnel reflectance of eta + i k, two-sided; a mirror if smooth.
-
+    """A metal of both sides: microfacets with the Fresnel reflectance of eta + i k, or a mirror if smooth.
     eta, k: (3,) float64 for red, green and blue.
     """
 
@@ -109,15 +110,14 @@ class Conductor(Microfacets):
         return replace(self, eta=change(self.eta), k=change(self.k))
 
     def beneath(self, eta: float) -> Conductor:
-        """The same metal where a medium of index `eta` lies in front of it instead of air."""
+        """The same metal under a medium of index `eta` in place of air."""
         return replace(self, eta=self.eta / eta, k=self.k / eta)
 
 
 @dataclass(frozen=True, eq=False)
 class Dielectric(Microfacets):
-    """A boundary of glass or the like. eta: the index inside over that outside, the side of the normal.
-
-    thin: whether it is a pane with both of its sides, which is smooth and bends no ray.
+    """A boundary of glass or the like. eta: the index inside over the index outside, where the normal points.
+    thin: whether it is a smooth pane with two sides, which bends no ray.
     """
 
     eta: float
@@ -128,7 +128,7 @@ class Dielectric(Microfacets):
 
     @property
     def normal_reflectance(self) -> Array:
-        """The boundary's alone, without what is seen through it."""
+        """The reflectance of the boundary alone, without what shows through it."""
         return np.full(3, ((self.eta - 1) / (self.eta + 1)) ** 2)
 
     def map_colors(self, change: ColorMap) -> Dielectric:
@@ -136,16 +136,16 @@ class Dielectric(Microfacets):
 
 
 class Composite:
-    """A material that is made of others."""
+    """A material made of other materials."""
 
     @property
     def parts(self) -> tuple[Material, Material]:
-        """Those that it is made of."""
+        """The materials that it is made of."""
         raise NotImplementedError
 
     @property
     def needs_uv(self) -> bool:
-        """Whether it matters how texture coordinates lie on the surface."""
+        """Whether the material depends on texture coordinates."""
         return any(part.needs_uv for part in self.parts)
 
 
@@ -186,12 +186,12 @@ class Coated(Composite):
 
     @property
     def mean_alpha(self) -> float | None:
-        """The base's, whose colour is drawn."""
+        """The alpha of the base, whose colour programs draw."""
         return self.base.mean_alpha
 
     @property
     def normal_reflectance(self) -> Array:
-        """The base's alone."""
+        """The reflectance of the base alone."""
         return self.base.normal_reflectance
 
     def map_colors(self, change: ColorMap) -> Coated:
@@ -216,7 +216,7 @@ class DiffuseTransmission:
 
     @property
     def mean_alpha(self) -> None:
-        """None: there are no microfacets."""
+        """None: a diffuse sheet has no microfacets."""
 
     @property
     def normal_reflectance(self) -> Array:
@@ -270,7 +270,7 @@ class MixedMaterial(Composite):
 
     @property
     def mean_alpha(self) -> float | None:
-        """Of the likelier one."""
+        """The alpha of the likelier material."""
         return self.parts[int(self._share > 0.5)].mean_alpha
 
     @property
@@ -279,7 +279,7 @@ class MixedMaterial(Composite):
         return (1 - self._share) * first + self._share * second
 
     def map_colors(self, change: ColorMap) -> MixedMaterial:
-        """The amount is no colour."""
+        """The mix with `change` applied to the colours of its materials; the amount is no colour."""
         return replace(self, first=self.first.map_colors(change), second=self.second.map_colors(change))
 
 
@@ -287,7 +287,9 @@ Material = Diffuse | Conductor | Dielectric | Coated | DiffuseTransmission | Mix
 
 
 def is_oriented(material: Material) -> bool:
-    """Whether it matters which way dp/du points: of anisotropic microfacets, in whatever they are part of."""
+    """Whether a material depends on the direction of dp/du: it has anisotropic microfacets, or parts that
+    have.
+    """
     if isinstance(material, Composite):
         return any(is_oriented(part) for part in material.parts)
     return isinstance(material, Microfacets) and material.alpha_v is not None

@@ -1,8 +1,8 @@
-"""Scenes, once their text is read: frozen, in world space, in float64, free of any renderer.
+"""The description of a scene: frozen, in world space, in float64, free of any renderer.
 
-Conventions are pbrt-v4's: the camera space is left-handed (x right, y up, z into the scene), `fov` is the
-full angle in degrees over the shorter side of the film, radiance is linear RGB, normals are geometric and
-an emitting shape emits on the side of its normal only.
+Conventions are pbrt-v4's. Camera space is left-handed: x right, y up, z into the scene. `fov` is the full
+angle in degrees over the shorter side of the film. Radiance is linear RGB. Normals are geometric, and an
+emitting shape emits on the side of its normal only.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ class PerspectiveCamera:
 
     @property
     def own(self) -> dict[str, float | str]:
-        """The parameters that pbrt gives to this kind alone."""
+        """The parameters of this kind of camera alone, as pbrt names them."""
         return {"fov": self.fov}
 
     def whole(self, width: int, height: int) -> Array:
-        """The window (4,) of a film of that size where nothing else is said."""
+        """The window (4,) of a film of this size, without `screenwindow` and `frameaspectratio`."""
         return np.array([-width, width, -height, height]) / min(width, height)
 
     def film_plane(self, film: Film) -> tuple[float, float, float, float]:
@@ -64,7 +64,7 @@ class PerspectiveCamera:
         return _film_plane(float(np.tan(np.radians(self.fov) / 2)), self.window, film)
 
     def pinhole(self, who: str) -> PerspectiveCamera:
-        """The camera itself; SceneError for one with a lens, which `who` does not have."""
+        """The camera itself. Raises SceneError for a camera with a lens, which `who` does not support."""
         if self.lens is not None:
             raise SceneError(f"{who} takes a pinhole camera only, not one with a lens")
         return self
@@ -86,7 +86,7 @@ class OrthographicCamera:
     own: ClassVar[dict[str, float | str]] = {}
 
     def whole(self, width: int, height: int) -> Array:
-        """As of `PerspectiveCamera`."""
+        """The window (4,) of a film of this size; see `PerspectiveCamera`."""
         return np.array([-width, width, -height, height]) / min(width, height)
 
     def film_plane(self, film: Film) -> tuple[float, float, float, float]:
@@ -94,7 +94,7 @@ class OrthographicCamera:
         return _film_plane(1.0, self.window, film)
 
     def pinhole(self, who: str) -> PerspectiveCamera:
-        """SceneError: an orthographic camera has no pinhole."""
+        """Raises SceneError: an orthographic camera has no pinhole."""
         raise SceneError(f"{who} takes a pinhole camera only, not an orthographic one")
 
 
@@ -116,11 +116,11 @@ class SphericalCamera:
 
     @property
     def own(self) -> dict[str, float | str]:
-        """As of `PerspectiveCamera`."""
+        """The parameters of this kind of camera alone; see `PerspectiveCamera`."""
         return {"mapping": self.mapping}
 
     def whole(self, width: int, height: int) -> Array:
-        """As of `PerspectiveCamera`."""
+        """The window (4,) of a film of this size; see `PerspectiveCamera`."""
         return np.array([0.0, 1.0, 1.0, 0.0])
 
     def film_plane(self, film: Film) -> tuple[float, float, float, float]:
@@ -131,7 +131,7 @@ class SphericalCamera:
         return left, top, (right - left) / film.width, (top - bottom) / film.height
 
     def crop(self, film: Film) -> tuple[tuple[int, int], tuple[int, int, int, int]] | None:
-        """Width and height of the film that this one was cut out of, and its pixels x0, x1, y0, y1 there."""
+        """Width and height of the whole film, and the pixels x0, x1, y0, y1 of it that are rendered."""
         if self.window is None:
             return None
         left, right, bottom, top = self.window.tolist()
@@ -140,7 +140,7 @@ class SphericalCamera:
         return (width, height), (x, x + film.width, y, y + film.height)
 
     def pinhole(self, who: str) -> PerspectiveCamera:
-        """SceneError: it has no film plane before its pinhole."""
+        """Raises SceneError: a spherical camera has no film plane before its pinhole."""
         raise SceneError(f"{who} takes a pinhole camera only, not a spherical one")
 
 
@@ -148,7 +148,7 @@ Camera = PerspectiveCamera | OrthographicCamera | SphericalCamera
 
 
 def _film_plane(half: float, window: Array | None, film: Film) -> tuple[float, float, float, float]:
-    """As `film_plane` of a camera whose screen reaches from -half to half over the film's shorter side."""
+    """Left, top, dx, dy of a camera whose screen reaches from -half to half over the film's shorter side."""
     if window is None:
         pixel = 2 * half / min(film.width, film.height)
         return -(pixel * film.width / 2), pixel * film.height / 2, pixel, pixel
@@ -158,10 +158,9 @@ def _film_plane(half: float, window: Array | None, film: Film) -> tuple[float, f
 
 @dataclass(frozen=True, eq=False)
 class PixelFilter:
-    """How samples weigh by their distance from a pixel's centre, as pbrt's: "box", "triangle" or "gaussian".
-
-    xradius, yradius: in pixels, beyond which the weight is 0. sigma: the gaussian's, in pixels, of no meaning
-    to the others.
+    """pbrt's pixel filter: the weight of a sample by its offset from a pixel's centre. kind: "box",
+    "triangle" or "gaussian". xradius, yradius: in pixels, beyond which the weight is 0. sigma: in pixels, of
+    the gaussian alone.
     """
 
     kind: str = "box"
@@ -172,7 +171,9 @@ class PixelFilter:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Size in pixels and their filter; `filename` is what the file asked for, and no part of the content."""
+    """Size in pixels and pixel filter. `filename` is the name that the file asks for; it is no part of the
+    content.
+    """
 
     width: int
     height: int
@@ -182,9 +183,8 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class RenderDefaults:
-    """The `Sampler` and `Integrator` that a file asks for: defaults that a request may override.
-
-    A field is None where the file says nothing.
+    """The sampler and estimator that a file asks for, which a request may override. A field is None where the
+    file gives none.
     """
 
     sampler: str = "independent"
@@ -195,11 +195,12 @@ class RenderDefaults:
 
 @dataclass(frozen=True, eq=False)
 class SceneDescription:
-    """A whole scene. `parameters` are the values of a template's `$name`s; they are no part of the content.
+    """A whole scene.
 
-    lights: those that are no shapes. occlusion_distance: how far ambient occlusion looks, in world units.
-    notes: sentences on where the picture is not the one that pbrt makes of the same file. substitutions:
-    sentences on what is rendered as something else, by request; no reference is made of such a scene.
+    lights: the lights that have no shape. occlusion_distance: the reach of ambient occlusion, in world units.
+    parameters: the values of a template's `$name`s, no part of the content. notes: sentences on how the image
+    differs from pbrt's of the same file. substitutions: sentences on what is rendered as something else by
+    request; such a scene gets no reference.
     """
 
     name: str = field(metadata={"content": False})
@@ -217,7 +218,7 @@ class SceneDescription:
         """SHA-256 over all that an image depends on: every number of geometry, materials, emission, camera
         and film.
 
-        Assets count by content, not by name: a mesh file that was edited changes the hash. Names, comments
-        and source locations do not.
+        Assets count by content: an edited mesh file changes the hash. Names, comments and source locations do
+        not.
         """
         return hash_values(self)

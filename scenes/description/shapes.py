@@ -1,7 +1,8 @@
-"""Shapes in world space, with their material and emission, and the few things that every layer asks of it.
+"""Shapes in world space, with material and emission, and the questions that every layer asks of them.
 
-A kind of shape is one frozen class here: its corners, areas, bounds, triangles and other side. What belongs
-to one layer (pbrt text, analytic primitives, Mitsuba's plugins, closed forms) stands in that layer's module.
+A kind of shape is one frozen class here, with its corners, areas, bounds, triangles and flipped side. The
+parts that one layer needs stand in that layer: pbrt text, analytic primitives, Mitsuba's plugins, closed
+forms.
 """
 
 from __future__ import annotations
@@ -53,11 +54,11 @@ class Emission:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """points: (m, 3), whose hull with the balls or disks of `radius` about them holds the shape.
+    """The hull of points (m, 3), each widened by a ball or a disk of `radius`, which holds the shape.
 
-    axis: (3,) the normal of these disks; None for balls. normal: (3,) if the shape is planar.
-    one_way: whether all faces turn the same way. linear: (3, 3), what maps the unit ball to an ellipsoid
-    about each point, in place of the balls; None without.
+    axis: (3,) the normal of the disks, None for balls. normal: (3,) of a planar shape. one_way: whether all
+    faces turn the same way. linear: (3, 3) the map from the unit ball to an ellipsoid that replaces the ball,
+    None without.
     """
 
     points: Array
@@ -68,7 +69,7 @@ class Bounds:
     linear: Array | None = None
 
     def extent(self, directions: Array) -> tuple[Array, Array]:
-        """Least and greatest n . x over the shape, (q,) each, for unit n (q, 3); exact but for rounding."""
+        """Least and greatest n . x over the shape, (q,) each, for unit n (q, 3), exact but for rounding."""
         along = np.einsum("qc,mc->qm", directions, self.points)
         pad = np.full(len(directions), self.radius)
         if self.axis is not None:
@@ -105,7 +106,7 @@ class TriangleMesh:
         return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
     def bounds(self) -> Bounds:
-        """Bounds of the vertices that faces use."""
+        """Bounds of the vertices in use."""
         return _mesh_bounds(self)
 
     def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
@@ -113,25 +114,25 @@ class TriangleMesh:
         return self
 
     def identity(self) -> tuple[Array, Array]:
-        """Points (f, m, 3) that tell faces apart, and a vector (f, 3) that turns with the side of each."""
+        """Points (f, m, 3) by which faces are compared, and a vector (f, 3) that flips with a face's side."""
         return _mesh_identity(self)
 
     def flipped(self) -> TriangleMesh:
-        """The mesh with its other side in front."""
+        """The mesh turned inside out."""
         return replace(
             self, reverse=not self.reverse, normals=None if self.normals is None else -self.normals
         )
 
     def untextured(self) -> TriangleMesh:
-        """The mesh without what only a texture looks at."""
+        """The mesh without texture coordinates."""
         return self if self.uv is None else replace(self, uv=None)
 
     def corner_uv(self) -> Array:
-        """(t, 3, 2) the texture coordinates at each corner of each face."""
+        """(t, 3, 2) texture coordinates at the corners of the faces."""
         return _corner_uv(self, TRIANGLE_UV)
 
     def triangle_uv(self) -> Array:
-        """(t, 3, 2) the same."""
+        """(t, 3, 2) texture coordinates at the corners of the triangles."""
         return self.corner_uv()
 
 
@@ -160,36 +161,36 @@ class BilinearMesh:
         return np.linalg.norm(np.cross(p11 - p00, p01 - p10), axis=1) / 2
 
     def bounds(self) -> Bounds:
-        """Bounds of the vertices that faces use."""
+        """Bounds of the vertices in use."""
         return _mesh_bounds(self)
 
     def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
-        """Two triangles a patch, without texture coordinates, in the order of `halves`."""
+        """Two triangles for each patch, without texture coordinates, in the order of `halves`."""
         return TriangleMesh(self.vertices, halves(self.faces), self.reverse)
 
     def identity(self) -> tuple[Array, Array]:
-        """Points (f, m, 3) that tell faces apart, and a vector (f, 3) that turns with the side of each."""
+        """Points (f, m, 3) by which faces are compared, and a vector (f, 3) that flips with a face's side."""
         return _mesh_identity(self)
 
     def flipped(self) -> BilinearMesh:
-        """The mesh with its other side in front."""
+        """The mesh turned inside out."""
         return replace(self, reverse=not self.reverse)
 
     def untextured(self) -> BilinearMesh:
-        """The mesh without what only a texture looks at."""
+        """The mesh without texture coordinates."""
         return self if self.uv is None else replace(self, uv=None)
 
     def corner_uv(self) -> Array:
-        """(q, 4, 2) the texture coordinates at each corner of each patch."""
+        """(q, 4, 2) texture coordinates at the corners of the patches."""
         return _corner_uv(self, PATCH_UV)
 
     def triangle_uv(self) -> Array:
-        """(2 q, 3, 2) the texture coordinates at each corner of the triangles."""
+        """(2 q, 3, 2) texture coordinates at the corners of the triangles."""
         uv, (first, second) = self.corner_uv(), halves(np.arange(4)[None])
         return np.concatenate([uv[:, first], uv[:, second]])
 
     def are_rectangles(self) -> bool:
-        """Whether all patches are rectangles with area, to RIGHT_ANGLE."""
+        """Whether all patches are rectangles with an area, within RIGHT_ANGLE."""
         corners = self.vertices[self.faces]
         p00, p10, p01, p11 = np.moveaxis(corners, 1, 0)
         x, y = p10 - p00, p01 - p00
@@ -199,16 +200,15 @@ class BilinearMesh:
         return not bool(((size == 0) | skew | apart).any())
 
     def are_parallelograms(self) -> bool:
-        """Whether every patch and its texture coordinates close a parallelogram, to CLOSED."""
+        """Whether every patch and its texture coordinates form a parallelogram, within CLOSED."""
         return all(_gap(values) <= CLOSED for values in (self.vertices[self.faces], self.corner_uv()))
 
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
-    """A full sphere; its normal points outwards, inwards if `reverse`. center: (3,) float64, world space.
-
-    frame: (3, 3) float64, its columns the object's axes in world space, unit and orthogonal (left-handed
-    under a mirror); None but where a texture is laid on them.
+    """A full sphere, whose normal points outwards, or inwards if `reverse`. center: (3,) float64, world
+    space. frame: (3, 3) float64, its columns the object's axes in world space, unit and orthogonal
+    (left-handed under a mirror); None if no texture needs them.
     """
 
     center: Array
@@ -237,25 +237,23 @@ class Sphere:
         return TriangleMesh(self.center + self.radius * unit, faces, self.reverse)
 
     def identity(self) -> tuple[Array, Array]:
-        """As of a mesh of one face."""
+        """The point and the vector of its single face; see `TriangleMesh`."""
         points = np.stack([self.center, self.center + self.radius, np.full(3, self.radius)])
         return points[None], np.array([[-1.0 if self.reverse else 1.0, 0.0, 0.0]])
 
     def flipped(self) -> Sphere:
-        """The sphere with its other side in front."""
+        """The sphere turned inside out."""
         return replace(self, reverse=not self.reverse)
 
     def untextured(self) -> Sphere:
-        """The sphere without what only a texture looks at."""
+        """The sphere without its frame."""
         return self if self.frame is None else replace(self, frame=None)
 
 
 @dataclass(frozen=True, eq=False)
 class Disk:
-    """A full disk. center: (3,) float64; normal: (3,) float64, unit, the side it emits on
-    (`ReverseOrientation` is already in it).
-
-    frame: as a sphere's.
+    """A full disk. center: (3,) float64. normal: (3,) float64, unit, the side it emits on,
+    `ReverseOrientation` included. frame: as of `Sphere`.
     """
 
     center: Array
@@ -277,7 +275,7 @@ class Disk:
         return Bounds(self.center[None], self.radius, axis=self.normal, normal=self.normal)
 
     def triangulated(self, segments: int = SEGMENTS) -> TriangleMesh:
-        """A fan of as many triangles as `segments`, the centre their last vertex."""
+        """A fan of `segments` triangles, with the centre as last vertex."""
         angle = np.linspace(0.0, 2 * np.pi, segments, endpoint=False)[:, None]
         x, y, _ = basis(self.normal).T
         rim = self.center + self.radius * (np.cos(angle) * x + np.sin(angle) * y)
@@ -286,27 +284,27 @@ class Disk:
         return TriangleMesh(np.vstack([rim, self.center]), faces)
 
     def identity(self) -> tuple[Array, Array]:
-        """As of a mesh of one face."""
+        """The point and the vector of its single face; see `TriangleMesh`."""
         up = self.radius * self.normal
         return np.stack([self.center, self.center + up, self.center - up])[None], self.normal[None]
 
     def flipped(self) -> Disk:
-        """The disk with its other side in front."""
+        """The disk turned over."""
         return replace(self, normal=-self.normal)
 
     def untextured(self) -> Disk:
-        """The disk without what only a texture looks at."""
+        """The disk without its frame."""
         return self if self.frame is None else replace(self, frame=None)
 
 
 @dataclass(frozen=True, eq=False)
 class Quadric:
-    """Part of a sphere, a disk or a cylinder about z under an affine map: what `Sphere` and `Disk` are not.
+    """Part of a sphere, a disk or a cylinder about z, under an affine map. `Sphere` and `Disk` are the whole
+    ones under similarities.
 
-    form: "sphere", "disk" or "cylinder". matrix: (3, 4) float64, object to world. radius, zmin, zmax,
-    inner, phimax: pbrt's, in object space, phimax in degrees. A disk lies at zmin = zmax, with `inner` its
-    innerradius.
-    The normal points outwards, a disk's along z; `reverse` turns it.
+    form: "sphere", "disk" or "cylinder". matrix: (3, 4) float64, object to world. radius, zmin, zmax, inner,
+    phimax: pbrt's, in object space, phimax in degrees. A disk lies at zmin = zmax, with `inner` as
+    innerradius. The normal points outwards, a disk's along z; `reverse` turns it.
     """
 
     form: str
@@ -330,7 +328,7 @@ class Quadric:
 
     @property
     def area_in_object(self) -> float:
-        """The area before the matrix."""
+        """The area in object space."""
         phi = np.radians(self.phimax)
         if self.form == "disk":
             return float(phi * max(self.radius**2 - self.inner**2, 0.0) / 2)
@@ -374,7 +372,7 @@ class Quadric:
         return np.array([self.area_in_object * float(share @ (stretch @ around))])
 
     def bounds(self) -> Bounds:
-        """The whole ellipsoid, ellipse or cylinder, part or not."""
+        """The bounds of the whole ellipsoid, ellipse or cylinder."""
         linear, origin = self.matrix[:, :3], self.matrix[:, 3]
         if self.form == "sphere":
             return Bounds(origin[None], linear=linear * self.radius)
@@ -394,7 +392,7 @@ class Quadric:
         return self.as_mesh(segments, False)
 
     def as_mesh(self, segments: int, smooth: bool) -> TriangleMesh:
-        """The grid; smooth: whether with the surface's normals."""
+        """The triangulation. smooth: whether it has the surface's normals."""
         a = np.linspace(0.0, 1.0, max(segments, 8) + 1)
         b = np.linspace(0.0, 1.0, (max(segments, 8) // 2 if self.form == "sphere" else 1) + 1)[:, None]
         x, y = np.cos(np.radians(self.phimax) * a), np.sin(np.radians(self.phimax) * a)
@@ -428,13 +426,13 @@ class Quadric:
         return replace(made, faces=made.faces[made.areas() > 0])  # half of those at a pole have none
 
     def identity(self) -> tuple[Array, Array]:
-        """As of a mesh of one face."""
+        """The point and the vector of its single face; see `TriangleMesh`."""
         lengths = np.array([self.radius, self.zmin, self.zmax, self.inner, self.phimax, 0.0])
         points = np.concatenate([self.matrix.T, lengths.reshape(2, 3), self.corners])
         return points[None], np.array([[-1.0 if self.reverse else 1.0, 0.0, 0.0]])
 
     def flipped(self) -> Quadric:
-        """The shape with its other side in front."""
+        """The surface turned inside out."""
         return replace(self, reverse=not self.reverse)
 
     def untextured(self) -> Quadric:
@@ -463,7 +461,7 @@ class ShapeDescription:
 
     @property
     def needs_uv(self) -> bool:
-        """Whether it matters how texture coordinates lie on the shape."""
+        """Whether the shape depends on texture coordinates."""
         textured = self.alpha is not None and not isinstance(self.alpha, np.ndarray)
         return (
             textured
@@ -474,7 +472,9 @@ class ShapeDescription:
 
     @property
     def has_relief(self) -> bool:
-        """Whether anything turns its shading normals, in all of its points or in those of a part of a mix."""
+        """Whether a normal map or displacement turns shading normals, of the whole shape or of a part of its
+        mix.
+        """
         mixed = isinstance(self.material, MixedMaterial) and self.material.has_relief
         return self.relief is not None or mixed
 
@@ -496,9 +496,8 @@ def vertex_normals(geometry: Geometry) -> Array | None:
 
 
 def pbrt_samples(geometry: Geometry) -> bool:
-    """Whether pbrt-v4 samples a light of this geometry without bias.
-
-    It takes parts of spheres and disks for the whole, and areas before the transformation for those after it.
+    """Whether pbrt-v4 samples a light of this geometry without bias. It samples parts of spheres and disks as
+    if they were whole, and takes areas before the transformation.
     """
     if not isinstance(geometry, Quadric):
         return True
@@ -545,7 +544,7 @@ def _gap(corners: Array) -> float:
 
 
 def boxes(geometries: Sequence[Geometry]) -> tuple[Array, Array]:
-    """Least and greatest coordinates of s shapes, (s, 3) each, as their bounds have them along the axes."""
+    """Least and greatest coordinates (s, 3) of s shapes, from their bounds along the axes."""
     hulls = [Bounds(_used(g)) if isinstance(g, Mesh) else g.bounds() for g in geometries]
     first = np.cumsum([0, *(len(hull.points) for hull in hulls)])[:-1]
     if not hulls:
@@ -558,7 +557,7 @@ def boxes(geometries: Sequence[Geometry]) -> tuple[Array, Array]:
 
 
 def _used(mesh: Mesh) -> Array:
-    """The vertices (m, 3) that faces use."""
+    """The vertices (m, 3) in use by faces."""
     met = np.zeros(len(mesh.vertices), dtype=np.bool_)
     met[mesh.faces.ravel()] = True
     return mesh.vertices if met.all() else mesh.vertices[met]
@@ -581,20 +580,22 @@ def _mesh_bounds(mesh: Mesh) -> Bounds:
 
 
 def _face_normals(mesh: Mesh) -> Iterator[Array]:
-    """The normals of the faces, as long as twice their areas, in blocks (b, 3) that stay in the cache."""
+    """The face normals in blocks (b, 3), of twice the faces' areas in length. A block stays in the cache."""
     for start in range(0, len(mesh.faces), BLOCK):
         a, b, c = (mesh.vertices[mesh.faces[start : start + BLOCK, i]] for i in range(3))
         yield cross_product(b - a, c - a)
 
 
 def cross_product(a: Array, b: Array) -> Array:
-    """The products a x b of rows (m, 3), to the bit those of `np.cross`, which costs more for few rows."""
+    """The products a x b of rows (m, 3), equal in all bits to those of `np.cross`, which is slower for few
+    rows.
+    """
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _plane(mesh: Mesh, points: Array) -> Array | None:
-    """The unit normal of a mesh's points (m, 3) where they share a plane, on the side of its largest face."""
+    """The unit normal of a mesh's points (m, 3) if they share a plane, on the side of its largest face."""
     normal, longest = np.zeros(3), 0.0
     for cross in _face_normals(mesh):
         length = np.linalg.norm(cross, axis=1)

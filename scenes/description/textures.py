@@ -1,4 +1,4 @@
-"""Textures: what varies over a surface."""
+"""Textures as data: values that vary over a surface."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class UVMapping:
 
 @dataclass(frozen=True, eq=False)
 class PointMapping:
-    """Points themselves, in the texture's own space. from_texture: (4, 4), from there to the world."""
+    """Points in the texture's own space. from_texture: (4, 4), from that space to the world."""
 
     from_texture: Array = field(default_factory=lambda: np.eye(4))
     needs_uv: ClassVar[bool] = False
@@ -106,8 +106,8 @@ class ImageTexture:
 
 @dataclass(frozen=True, eq=False)
 class Checkerboard:
-    """pbrt's checkerboard: `first` where floor(s) + floor(t) is even, or that of all three coordinates under
-    a `PointMapping`.
+    """pbrt's checkerboard: `first` where floor(s) + floor(t) is even; under a `PointMapping`, where the sum
+    over three coordinates is even.
     """
 
     first: Texture
@@ -128,7 +128,7 @@ class Checkerboard:
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """pbrt's texture "scale"."""
+    """pbrt's texture "scale": the product of two textures."""
 
     first: Texture
     second: Texture
@@ -138,7 +138,7 @@ class Product:
         return needs_uv(self.first, self.second)
 
     def mean(self) -> Array:
-        """Exact where the two do not vary together."""
+        """The product of the means, exact unless the two vary together."""
         return mean(self.first) * mean(self.second)
 
     def map_colors(self, change: ColorMap) -> Product:
@@ -147,7 +147,7 @@ class Product:
 
 @dataclass(frozen=True, eq=False)
 class Mix:
-    """(1 - amount) first + amount second."""
+    """The texture (1 - amount) first + amount second."""
 
     first: Texture
     second: Texture
@@ -158,7 +158,7 @@ class Mix:
         return needs_uv(self.first, self.second, self.amount)
 
     def mean(self) -> Array:
-        """Exact where the amount does not vary with the textures."""
+        """The mix of the means, exact unless the amount varies with the textures."""
         amount = mean(self.amount)
         return (1 - amount) * mean(self.first) + amount * mean(self.second)
 
@@ -168,9 +168,8 @@ class Mix:
 
 @dataclass(frozen=True, eq=False)
 class DirectionMix:
-    """|n . direction| first + (1 - |n . direction|) second, n being the geometric normal.
-
-    direction: (3,), unit, in the world.
+    """The texture |n . direction| first + (1 - |n . direction|) second, n being the geometric normal.
+    direction: (3,) unit, in the world.
     """
 
     first: Texture
@@ -182,7 +181,7 @@ class DirectionMix:
         return needs_uv(self.first, self.second)
 
     def mean(self) -> Array:
-        """Over all directions of normals."""
+        """The mean over all directions of normals."""
         return (mean(self.first) + mean(self.second)) / 2
 
     def map_colors(self, change: ColorMap) -> DirectionMix:
@@ -204,7 +203,7 @@ class Bilerp:
         return self.mapping.needs_uv
 
     def mean(self) -> Array:
-        """Over [0, 1]^2."""
+        """The mean over [0, 1]^2."""
         return (self.v00 + self.v01 + self.v10 + self.v11) / 4
 
     def map_colors(self, change: ColorMap) -> Bilerp:
@@ -251,7 +250,7 @@ class NoiseTexture:
 
     @property
     def heights(self) -> Array:
-        """(octaves + 1,) of the octaves, and of the one beyond the last."""
+        """(octaves + 1,) the heights of the octaves and of the one after them."""
         return self.roughness ** np.arange(self.octaves + 1.0)
 
     def mean(self) -> Array:
@@ -307,15 +306,15 @@ Texture = (
 
 
 def needs_uv(*textures: Texture) -> bool:
-    """Whether it matters how texture coordinates lie on the surface."""
+    """Whether a texture depends on texture coordinates."""
     return any(not isinstance(one, np.ndarray) and one.needs_uv for one in textures)
 
 
 def mean(texture: Texture) -> Array:
-    """(3,) the mean of a texture over its surface, for those who draw one colour."""
+    """(3,) the mean of a texture over its surface, for programs that draw one colour."""
     return texture if isinstance(texture, np.ndarray) else texture.mean()
 
 
 def map_colors(texture: Texture, change: ColorMap) -> Texture:
-    """The texture with `change` applied to the colours (..., 3) that it is made of."""
+    """The texture with `change` applied to the colours (..., 3) of its parts."""
     return change(texture) if isinstance(texture, np.ndarray) else texture.map_colors(change)

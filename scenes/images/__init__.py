@@ -1,1 +1,1 @@
-"""Image files in and out, and what pbrt-v4 does to them before any look-up."""
+"""Image files: reading, writing, and pbrt-v4's resizing before look-ups."""

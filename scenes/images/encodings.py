@@ -1,6 +1,4 @@
-"""How image files hold colours: their channels, their encodings, and the precision that pbrt-v4 keeps them
-in.
-"""
+"""Colours in image files: channels, encodings, and the precision in which pbrt-v4 keeps them."""
 
 from __future__ import annotations
 
@@ -18,11 +16,11 @@ MOST_HALF = 65504.0  # the largest number of 16 bits
 
 
 def colour_planes(path: Path, names: Sequence[str], alpha: bool) -> tuple[str, tuple[int, ...]]:
-    """The layer, "" for none, and its channels R, G and B by number, with A behind them if `alpha` and there
-    is one; or the only channel beside an alpha.
+    """The layer of an image, "" for none, and the numbers of its channels R, G and B, or of its only channel.
+    With `alpha`, A follows if there is one.
 
-    Upper and lower case are the same. A layer counts where there is one alone. PenumbraError naming `path`
-    where it is not clear what the colours are.
+    Upper and lower case are the same. Among several layers none is chosen. PenumbraError, naming `path`, if
+    the colours are ambiguous.
     """
     named = {name.upper(): i for i, name in enumerate(names)}
     if all(name in named for name in "RGB"):
@@ -60,7 +58,7 @@ def checked_encoding(encoding: str) -> float | None:
 
 
 def decoded(encoded: Array, encoding: str) -> Array:
-    """Linear values of what a file holds, an array in [0, 1]. sRGB is IEC 61966-2-1's."""
+    """Linear values of encoded ones, an array in [0, 1]. sRGB is that of IEC 61966-2-1."""
     gamma = checked_encoding(encoding)
     if gamma is None:
         return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
@@ -76,11 +74,11 @@ def encoded(linear: Array, encoding: str) -> Array:
 
 
 def as_stored(linear: Array, storage: str, encoding: str) -> Array:
-    """Values >= 0 in the precision that pbrt-v4 keeps an image in: rounded to 8 bits of `encoding`, to half
-    floats, or not at all.
+    """Values >= 0 in the precision in which pbrt-v4 keeps an image. storage: "bytes" for 8 bits of
+    `encoding`, "half", or "float" for no rounding.
 
-    storage: "bytes", "half" or "float". For "gamma" pbrt goes by way of a table of 1024 linear values, too
-    coarse for the darkest bytes (with gamma 2.2 those up to 10 become black); here they are rounded exactly.
+    For "gamma" pbrt uses a table of 1024 linear values, too coarse for the darkest bytes: with gamma 2.2
+    those up to 10 become black. Here they are rounded exactly.
     """
     if storage == "bytes":
         codes = np.floor(255.0 * encoded(np.minimum(linear, 1.0), encoding) + 0.5).astype(np.int64)

@@ -1,9 +1,8 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false, reportMissingTypeStubs=false
-"""Images in and out: EXR by channel name, PNG for the eye. The only import of OpenImageIO.
+"""Images in and out: EXR by channel name, PNG to look at. The only import of OpenImageIO.
 
-Two habits of OpenImageIO are handled here and nowhere else: it reorders channels, so that channels are read
-by name; and it hands DOUBLE pixels back as float32, so that files hold float32 and exact state belongs in an
-.npz.
+Two habits of OpenImageIO are handled here. It reorders channels, so that they are read by name. It returns
+DOUBLE pixels as float32, so that files hold float32 and exact state belongs in an .npz.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ _STORAGE = {"uint8": "bytes", "half": "half"}  # what pbrt-v4 keeps such an imag
 
 @dataclass(frozen=True, eq=False)
 class ExrImage:
-    """channels: name -> (h, w) float64; metadata: what `write_exr` was given, or a foreign file's own string
+    """channels: name -> (h, w) float64. metadata: that given to `write_exr`, or a foreign file's text
     attributes.
     """
 
@@ -49,7 +48,7 @@ class ExrImage:
 
 @dataclass(frozen=True, eq=False)
 class EstimateImage:
-    """mean, variance (of the mean): (h, w, 3) float64; count: (h, w) float64, samples behind each pixel."""
+    """mean, variance (of the mean): (h, w, 3) float64. count: (h, w) float64, samples of each pixel."""
 
     mean: Array
     variance: Array
@@ -59,12 +58,11 @@ class EstimateImage:
 
 @dataclass(frozen=True, eq=False)
 class TextureHeader:
-    """The header of a texture's file, before its texels are read.
+    """The header of a texture's file, read before its texels.
 
-    planes: the channels that count, by number: gray, or R, G, B and, where pbrt would see it, alpha. layer:
-    of an EXR that these are part of, "" for none. kind: OpenImageIO's name of the format. storage: what pbrt
-    keeps it in, "bytes", "half" or "float".
-    chromaticities: an EXR's, x and y of R, G, B and white.
+    planes: the numbers of its channels: gray, or R, G, B, and alpha if pbrt would see it. layer: the layer of
+    an EXR that they belong to, "" for none. kind: OpenImageIO's name of the format. storage: pbrt's
+    precision, "bytes", "half" or "float". chromaticities: x and y of R, G, B and white of an EXR.
     """
 
     path: Path
@@ -81,11 +79,10 @@ class TextureHeader:
 def write_exr(
     path: str | Path, channels: Mapping[str, NDArray[Any]], metadata: Mapping[str, str] | None = None
 ) -> None:
-    """Write `channels`, each (h, w), as float32 with lossless zip compression, and `metadata` (any strings),
-    atomically.
+    """Write `channels`, (h, w) each, as float32 with lossless zip compression and any `metadata`, atomically.
 
-    What exceeds float32 becomes infinite, which every metric counts as non-finite. Raises PenumbraError
-    naming the path where it cannot be written, ValueError where the channels differ in shape.
+    Values beyond float32 become infinite, which every metric counts as non-finite. PenumbraError, naming the
+    path, if it cannot be written; ValueError if the channels differ in shape.
     """
     pixels = _interleave(channels)
     height, width, count = pixels.shape
@@ -97,9 +94,7 @@ def write_exr(
 
 
 def read_exr(path: str | Path) -> ExrImage:
-    """Read every channel of an EXR by name; PenumbraError naming the path where it is missing, broken or no
-    EXR.
-    """
+    """All channels of an EXR by name. PenumbraError, naming the path, if it is missing, broken or no EXR."""
     path = _image_file(path)
     source = oiio.ImageInput.open(utf8_name(path))
     if source is None:
@@ -118,8 +113,8 @@ def read_exr(path: str | Path) -> ExrImage:
 
 
 def read_rgb(path: str | Path) -> Array:
-    """The channels R, G, B of an EXR as (h, w, 3) float64; PenumbraError naming what is missing and what
-    there is.
+    """The channels R, G, B of an EXR as (h, w, 3) float64. PenumbraError with the channels that are missing
+    and those there are.
     """
     return _stack(Path(path), read_exr(path).channels, _RGB)
 
@@ -141,7 +136,7 @@ def write_estimate_exr(
 
 
 def read_estimate_exr(path: str | Path) -> EstimateImage:
-    """Read what `write_estimate_exr` wrote; PenumbraError naming the path where a channel is missing."""
+    """Read a file of `write_estimate_exr`. PenumbraError, naming the path, if a channel is missing."""
     path, image = Path(path), read_exr(path)
     mean = _stack(path, image.channels, _RGB)
     variance = _stack(path, image.channels, tuple(f"variance.{name}" for name in _RGB))
@@ -149,8 +144,8 @@ def read_estimate_exr(path: str | Path) -> EstimateImage:
 
 
 def texture_header(path: str | Path) -> TextureHeader:
-    """The header of an image file of any kind; PenumbraError naming the path where it is none, or too
-    large to read.
+    """The header of an image file of any format. PenumbraError, naming the path, if it is no image or too
+    large.
     """
     path = _image_file(path)
     try:
@@ -210,14 +205,14 @@ def read_texels(header: TextureHeader, encoding: str = "sRGB") -> Array:
 
 
 def read_texture(path: str | Path, encoding: str = "sRGB") -> Array:
-    """Any image as (h, w, 3) float64, as `read_texels` reads it: gray ones threefold, and alpha left out."""
+    """Any image as (h, w, 3) float64, read as by `read_texels`: gray is tripled, and alpha is left out."""
     texels = read_texels(texture_header(path), encoding)
     return np.repeat(texels, 3, axis=2) if texels.shape[2] == 1 else np.ascontiguousarray(texels[..., :3])
 
 
 @contextmanager
 def _texture(path: Path) -> Generator[oiio.ImageInput]:
-    """The file, opened for its texels."""
+    """The file, opened to read its texels."""
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     config.attribute(
@@ -235,7 +230,7 @@ def _texture(path: Path) -> Generator[oiio.ImageInput]:
 def _read_rows(
     source: oiio.ImageInput, spec: oiio.ImageSpec, rows: slice, end: int, kind: str
 ) -> NDArray[Any] | None:
-    """The channels before `end` of some rows as numbers of `kind`; None if they cannot be read."""
+    """The channels before `end` of some rows, as numbers of `kind`; None if they cannot be read."""
     top, bottom = spec.y + int(rows.start), spec.y + int(rows.stop)
     if not spec.tile_height:
         return source.read_scanlines(top, bottom, spec.z, 0, end, kind)
@@ -243,7 +238,7 @@ def _read_rows(
 
 
 def _image_file(path: str | Path) -> Path:
-    """`path`; PenumbraError saying what it is if it is no file."""
+    """The path of an image file. PenumbraError with what is wrong if it is no file."""
     path = Path(path)
     if path.is_dir():
         raise PenumbraError(f"{path}: a folder, not an image file")
@@ -261,7 +256,7 @@ def _image_file(path: str | Path) -> Path:
 def write_png(path: str | Path, rgb: Array, exposure: float = 0.0) -> None:
     """Write linear `rgb` (h, w, 3) as an 8-bit sRGB PNG, `exposure` stops brighter.
 
-    For the eye only: values are clipped to [0, 1] after exposure, infinities with them, and a pixel with a
+    It serves the eye only: values are clipped to [0, 1] after exposure, infinities too, and a pixel with a
     NaN is magenta.
     """
     linear = np.clip(rgb * 2.0**exposure, 0.0, 1.0)

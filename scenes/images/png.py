@@ -1,7 +1,7 @@
-"""Whether a PNG file is sound, said in one line.
+"""Checks of PNG files, with a one-line reason for a broken one.
 
-libpng writes an error of its own to the standard error stream before it returns one. So what it would stumble
-over is found first.
+libpng writes errors of its own to the standard error stream before it returns one, so that faults are found
+before it runs.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ RGBA = 6  # the colour type
 
 
 class Unsound(Exception):
-    """A PNG file is broken, and how."""
+    """The reason why a PNG file is broken."""
 
 
 @dataclass(frozen=True)
 class PngHeader:
-    """The first chunk. colour: its colour type, 6 for RGBA."""
+    """The first chunk of a PNG file. colour: its colour type, 6 for RGBA."""
 
     width: int
     height: int
@@ -39,7 +39,7 @@ class PngHeader:
 
 
 def png_header(path: Path) -> PngHeader | None:
-    """The header of a PNG file, None if `path` is none; Unsound if anything before its pixels is broken."""
+    """The header of a PNG file, None if `path` is no PNG. Unsound if a chunk before its pixels is broken."""
     with path.open("rb") as file:
         if file.read(len(SIGNATURE)) != SIGNATURE:
             return None
@@ -64,7 +64,7 @@ def png_header(path: Path) -> PngHeader | None:
 
 
 def check_png_pixels(path: Path, header: PngHeader) -> None:
-    """Unsound if the compressed pixels, or anything behind them, are broken or end too soon."""
+    """Raise Unsound if the compressed pixels, or a chunk after them, are broken or end too soon."""
     rows = _rows(header)
     wanted = sum(count * stride for count, stride in rows)
     inflating, done, ended = zlib.decompressobj(), 0, False
@@ -86,8 +86,8 @@ def check_png_pixels(path: Path, header: PngHeader) -> None:
 
 
 def _check_filters(piece: NDArray[np.uint8], start: int, rows: list[tuple[int, int]]) -> None:
-    """Unsound if a row in this piece of the pixels, which begins at byte `start` of them, has none of the
-    five filters.
+    """Raise Unsound if a row in this piece of the pixels has none of the five filters. start: the piece's
+    first byte.
     """
     begin = -start  # of the pass, in the piece
     for count, stride in rows:
@@ -99,7 +99,7 @@ def _check_filters(piece: NDArray[np.uint8], start: int, rows: list[tuple[int, i
 
 
 def _chunks(file: BufferedReader) -> Iterator[tuple[bytes, bytes]]:
-    """Kind and data of each chunk; the checksums of those that matter are checked."""
+    """Kind and data of each chunk, with checksums checked where they matter."""
     while True:
         length, kind = int.from_bytes(file.read(4), "big"), file.read(4)
         if len(kind) < 4 or length >= 2**31:
@@ -132,7 +132,9 @@ def _header(data: bytes) -> PngHeader:
 
 
 def _rows(header: PngHeader) -> list[tuple[int, int]]:
-    """Rows and bytes of a row, filter byte and all; of each of the seven passes if interlaced."""
+    """The number of rows and the bytes of a row with its filter byte; of each of the seven passes if
+    interlaced.
+    """
     bits = header.depth * _SAMPLES[header.colour]
     if not header.interlaced:
         return [(header.height, 1 + (header.width * bits + 7) // 8)]

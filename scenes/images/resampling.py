@@ -1,7 +1,7 @@
-"""Textures resized to powers of two, as pbrt-v4 resizes them before any look-up [pharr2023, section B.5].
+"""Textures resized to powers of two before any look-up, as pbrt-v4 does [pharr2023, section B.5].
 
-There: `Image::GeneratePyramid`, `Image::FloatResizeUp` and `Image::ResampleWeights`. Environments and images
-on lights are not resized.
+The functions there are `Image::GeneratePyramid`, `Image::FloatResizeUp` and `Image::ResampleWeights`.
+Environments and images on lights are not resized.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ROWS = 64  # resized at a time: the intermediate arrays stay small beside the im
 
 
 def rounded_up(size: int) -> int:
-    """The next power of two, `size` itself if it is one."""
+    """The smallest power of two that is at least `size`."""
     return 1 << (size - 1).bit_length()
 
 
@@ -66,7 +66,7 @@ def _side(old: int, new: int) -> tuple[Index, Array] | None:
 
 
 def _filtered(image: Array, side: tuple[Index, Array] | None, some: slice, wrap: str) -> Array:
-    """The slices `some` of the resized image along its first axis."""
+    """The resized image's slices `some` along its first axis."""
     if side is None:
         return image[some]
     first, weight = side[0][some], side[1][some]

@@ -1,5 +1,5 @@
-"""The nesting of a scene file: attribute blocks, objects and imported files. Each restores the state on its
-end.
+"""Nested blocks of a scene file: attributes, objects and imported files. The end of each restores
+the state.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class _Block:
 
 
 class Blocks:
-    """The blocks that are open at the moment."""
+    """The blocks that are open."""
 
     def __init__(self, builder: Builder) -> None:
         self._builder = builder
@@ -41,8 +41,8 @@ class Blocks:
         self._open.append(_Block(self._builder.state, token))
 
     def end(self, token: Token) -> None:
-        """Restore the state that the innermost block saved; SceneError where `token` does not close that
-        kind. An `AttributeEnd` too many is ignored, as pbrt ignores it.
+        """Restore the state that the innermost block saved. SceneError if `token` closes another kind of
+        block; a superfluous `AttributeEnd` is ignored, as by pbrt.
         """
         opener = OPENED_BY[token.text]
         if not self._open or self._open[-1].name == "Import":
@@ -71,7 +71,7 @@ class Blocks:
             raise SceneError(_unclosed(token), token.where)
 
     def begin_object(self, name: str, token: Token) -> None:
-        """`ObjectBegin`: what follows is kept for `ObjectInstance`."""
+        """`ObjectBegin`: keep the shapes that follow for `ObjectInstance`."""
         builder = self._builder
         if builder.current_object is not None:
             raise SceneError("ObjectBegin inside another object", token.where)
@@ -83,12 +83,12 @@ class Blocks:
         builder.current_object = name
 
     def end_object(self, token: Token) -> None:
-        """`ObjectEnd`."""
+        """`ObjectEnd`: close the object."""
         self.end(token)
         self._builder.current_object = None
 
     def instance(self, name: str, token: Token) -> None:
-        """`ObjectInstance`; its object may come later, as in pbrt."""
+        """`ObjectInstance`. Its object may be declared later, as in pbrt."""
         builder = self._builder
         if builder.current_object is not None:
             raise SceneError("ObjectInstance inside an object: objects do not nest", token.where)

@@ -1,6 +1,6 @@
-"""`ObjectInstance`s expanded: every instance in world space, those of one material as one mesh.
+"""`ObjectInstance`s expanded: every instance in world space, with those of one material as one mesh.
 
-Instances share nothing, so their number is bounded; but a thousand trees are two shapes, not a thousand.
+Instances share nothing, so that their number is bounded. A thousand trees are two shapes, not a thousand.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SINGLES = 1_000_000  # spheres and disks, each a shape of its own
 
 @dataclass(eq=False)
 class _Pool:
-    """The meshes that become one, which stands where its `first` instance does."""
+    """Meshes that become one, in the place of the `first` instance."""
 
     first: PlacedShape
     vertices: list[Array] = field(default_factory=list[Array])

@@ -1,6 +1,6 @@
-"""The kinds of each directive: those that are rendered, that have a stand-in, and that are refused.
+"""The kinds of each directive: rendered, with a stand-in, or refused.
 
-`python -m scenes.pbrt.kinds` prints them as the table of docs/scenes.md, which a test holds to be the same.
+`python -m scenes.pbrt.kinds` prints them as the table of docs/scenes.md; a test compares the two.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PBRT = {
 
 @dataclass(frozen=True)
 class Kinds:
-    """The kinds of one directive. other: that are read and are no kinds of pbrt-v4."""
+    """The kinds of one directive. other: kinds that are read and are not pbrt-v4's."""
 
     directive: str
     rendered: tuple[str, ...]
@@ -48,7 +48,7 @@ class Kinds:
 
 
 def _read() -> dict[str, tuple[Collection[str], Collection[str]]]:
-    """The kinds that are rendered, by directive, and those that have a stand-in."""
+    """The kinds that are rendered, by directive, and those with a stand-in."""
     transport = (*integrator.PATHS, *integrator.TRANSPORT, "ambientocclusion")
     return {
         "Camera": (_but(camera.KINDS, camera.STAND_INS), camera.STAND_INS),
@@ -71,7 +71,7 @@ def _but(kinds: Collection[str], others: Collection[str]) -> tuple[str, ...]:
 
 
 def kinds() -> Iterator[Kinds]:
-    """Those of each directive, in pbrt's order."""
+    """The kinds of every directive, in pbrt's order."""
     for directive, (rendered, substituted) in _read().items():
         known = PBRT[directive].split()
         yield Kinds(

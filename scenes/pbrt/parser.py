@@ -79,7 +79,7 @@ def parse_source(
     substitute: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> SceneDescription:
-    """Parse a text that has been read."""
+    """The scene of a text that has been read."""
     if strict and substitute:
         raise PenumbraError("strict and substitute: a scene is either refused or rendered as the nearest")
     header = read_header(source)
@@ -105,7 +105,9 @@ def parse_source(
 
 
 def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float], ...]) -> SceneDescription:
-    """The description of what was read; SceneError listing all that it asks for and is not supported."""
+    """The description of the scene that was read. SceneError with all that it asks for and is not
+    supported.
+    """
     report = builder.report
     check_media(builder)
     ratio = builder.exposure * builder.iso / 100  # by which pbrt's film multiplies what it measures
@@ -133,9 +135,8 @@ def _described(builder: Builder, name: str, parameters: tuple[tuple[str, float],
 
 
 def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
-    """The shape, in parts where its faces differ in radiance.
-
-    Where it has no texture, what only a texture looks at is left out: it is no part of the scene's content.
+    """The shape, split where its faces differ in radiance. Without a texture it drops texture coordinates,
+    which are then no part of the content.
     """
     material = resolve_material(placed.material, builder)
     alpha, relief = resolve_alpha(placed.alpha, builder), resolve_relief(placed.material, builder)

@@ -1,4 +1,4 @@
-"""One pass over a scene file: each directive is read whole and handed to its meaning."""
+"""One pass over a scene file: each directive is read whole, then carried out."""
 
 from __future__ import annotations
 
@@ -36,10 +36,8 @@ PATIENCE = 1.0  # seconds
 
 
 class Reader:
-    """Fills a `Builder` from the text.
-
-    What is not supported goes to the builder's report, and reading goes on. progress: told of the share of
-    the main file that is read, from PATIENCE on.
+    """Fills a `Builder` from the text. Unsupported things go to the builder's report, and reading goes on.
+    progress: called with the share of the main file that is read, after PATIENCE seconds.
     """
 
     def __init__(
@@ -90,7 +88,7 @@ class Reader:
         }
 
     def run(self) -> None:
-        """Read to the end; SceneError for what is malformed."""
+        """Read to the end. SceneError for malformed text."""
         try:
             with np.errstate(all="ignore"):  # what leaves the range of numbers is refused where it is checked
                 self._all()
@@ -105,7 +103,7 @@ class Reader:
             raise SceneError("the scene has no WorldBegin", self._tokens.end())
 
     def _all(self) -> None:
-        """Every directive; what takes long tells how far it is."""
+        """Carry out every directive, and report progress if it takes long."""
         started, count = time.monotonic(), 0
         while (token := self._tokens.next()) is not None:
             self._one(token)
@@ -152,7 +150,7 @@ class Reader:
             )
 
     def _transform(self, change: Callable[[Transform], Transform]) -> None:
-        """Change the transformations that are active; one object stands for both where they are the same."""
+        """Change the active transformations. One object stands for both if they are equal."""
         state = self.builder.state
         start = change(state.transform) if state.active != "EndTime" else state.transform
         if state.end is state.transform and state.active == "All":
@@ -208,7 +206,7 @@ class Reader:
         self._options[token.text] = partial(self._attempt, token, mean)
 
     def _set_options(self) -> None:
-        """Give each option its meaning: the last one of its name holds; a camera's may hang on the film."""
+        """Carry out each option once, the last of its name. The camera's may depend on the film."""
         options, self._options = self._options, {}
         camera = options.pop("Camera", None)
         for set_option in (*options.values(), *([] if camera is None else [camera])):
@@ -267,13 +265,13 @@ class Reader:
                     self._late.pop(key)[1]()
 
     def _mean_texture(self, type_: str, name: str) -> Array | None:
-        """The mean of a texture, (3,), which is made now if it can be; None if it cannot."""
+        """The mean of a texture, (3,), made now if it can be; else None."""
         self._make_now(type_, name)
         made = self.builder.textures.get((type_, name))
         return None if made is None or made.value is None else mean(made.value)
 
     def _make_now(self, type_: str, name: str) -> None:
-        """Make a texture that has been read, unless a part of it has not been by now."""
+        """Make a texture that has been read, unless one of its parts has not been read so far."""
         parameters, make = self._late.get((type_, name), (None, None))
         if parameters is None or make is None:
             return

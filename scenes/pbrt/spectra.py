@@ -1,7 +1,7 @@
-"""Colours as a scene file gives them: `rgb`, `blackbody`, and `spectrum` by pairs, by name or by file.
+"""Colours of a scene file: `rgb`, `blackbody`, and `spectrum` by pairs, by name or by file.
 
-Light is normalised as pbrt-v4 does it: `rgb L [1 2 3]` reads 1, 2, 3 in the image, and any other spectrum has
-luminance 1 before `scale` and `power` are applied.
+Light is normalised as by pbrt-v4: `rgb L [1 2 3]` reads 1, 2, 3 in the image, and any other spectrum has
+luminance 1 before `scale` and `power`.
 """
 
 from __future__ import annotations
@@ -30,17 +30,15 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB
 
 
 def colour(parameters: Parameters, name: str, role: Role, first: bool = False) -> Array | None:
-    """One colour, (3,) float64 of linear sRGB, None if not given; SceneError if a component is negative or
-    too large for its role.
-
-    first: whether the first of several is taken, as pbrt takes it for an infinite light.
+    """A colour, (3,) float64 of linear sRGB, None if not given. first: take the first of several, as pbrt
+    does for an infinite light. SceneError for a component that is negative or too large for its role.
     """
     parameter = parameters.take(name, "rgb", "spectrum", "blackbody")
     return None if parameter is None else colour_of(parameters, parameter, role, first)
 
 
 def colour_of(parameters: Parameters, parameter: Parameter, role: Role, first: bool = False) -> Array:
-    """The colour of a parameter that was taken; as `colour`."""
+    """The colour of a parameter that was taken; see `colour`."""
     size = {"rgb": 3, "blackbody": 1}.get(parameter.type, 0)
     if first and size and len(parameter.values) > size and len(parameter.values) % size == 0:
         parameters.remark(parameter.name, f"{parameter} has several values: the first holds, as in pbrt")
@@ -101,7 +99,7 @@ def _spectrum(parameters: Parameters, parameter: Parameter, role: Role) -> Array
 
 
 def spectrum_name(parameter: Parameter) -> str | None:
-    """The name that a `spectrum` gives; None where it lists its samples or names a file of them."""
+    """The name that a `spectrum` gives; None for one that lists its samples or names a file of them."""
     first = next(iter(parameter.values), None)
     if first is None or first.kind != "string" or _is_file(first):
         return None
@@ -111,13 +109,15 @@ def spectrum_name(parameter: Parameter) -> str | None:
 
 
 def _is_file(token: Token) -> bool:
-    """pbrt takes whatever is none of its names for a file; none of those has a suffix."""
+    """Whether a name is that of a file: pbrt takes any name outside its own list, none of which has a suffix,
+    for a file.
+    """
     return token.kind == "string" and Path(token.text).suffix != ""
 
 
 def index_of(parameters: Parameters, parameter: Parameter) -> float:
-    """The index of refraction of a glass given by a spectrum or a colour: at 587.6 nm, or the colour's
-    luminance. Its dispersion is left out, with a note.
+    """The index of a glass given by a spectrum or a colour: at 587.6 nm, or the colour's luminance. A note
+    says that dispersion is left out.
     """
     from scenes import color
 

@@ -1,4 +1,4 @@
-"""A scene as far as it has been read, and the state of the file that the next directive meets."""
+"""The scene read so far, and the state that the next directive meets."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Active = Literal["All", "StartTime", "EndTime"]
 
 @dataclass(frozen=True)
 class NamedMaterial:
-    """A use of a material by its name; resolved once the whole file is read, as in pbrt."""
+    """A use of a material by its name, which is looked up after the whole file is read, as in pbrt."""
 
     name: str
     where: Location
@@ -48,7 +48,7 @@ class NamedMaterial:
 
 @dataclass(frozen=True)
 class TexturedDiffuse:
-    """A diffuse material whose reflectance is the spectrum texture of this name; resolved like
+    """A diffuse material with a spectrum texture as reflectance, given by name; looked up like
     `NamedMaterial`.
     """
 
@@ -58,7 +58,7 @@ class TexturedDiffuse:
 
 @dataclass(frozen=True)
 class NamedNumbers:
-    """The float texture of this name; resolved like `NamedMaterial`."""
+    """A float texture by its name; looked up like `NamedMaterial`."""
 
     texture: str
     where: Location
@@ -85,12 +85,12 @@ class MixedUse:
 
 @dataclass(frozen=True)
 class Interface:
-    """A material of no surface: light passes straight through, as pbrt's null material."""
+    """A material without a surface, which light passes through, as pbrt's null material."""
 
 
 @dataclass(frozen=True)
 class MediumInterface:
-    """The media on both sides of a surface by their names, "" for empty space."""
+    """The names of the media on both sides of a surface, "" for empty space."""
 
     inside: str
     outside: str
@@ -110,8 +110,8 @@ MaterialUse = Interface | Material | TexturedDiffuse | Pending | MixedUse | Name
 
 @dataclass(frozen=True, eq=False)
 class AreaLight:
-    """`AreaLightSource`. emission: what it is but for `power`, which is in W, None if not given, and spread
-    over each shape.
+    """`AreaLightSource`. emission: without `power`. power: in W, to be spread over each shape; None if not
+    given.
     """
 
     emission: Emission
@@ -140,9 +140,7 @@ class GraphicsState:
 
 @dataclass(frozen=True, eq=False)
 class PlacedShape:
-    """A shape of the file, in world space or in the space of its object, with the state that it was given
-    in.
-    """
+    """A shape of the file, in world space or in the space of its object, with its state."""
 
     geometry: Geometry
     material: MaterialUse
@@ -153,7 +151,7 @@ class PlacedShape:
 
 @dataclass(frozen=True, eq=False)
 class InstanceUse:
-    """One `ObjectInstance`."""
+    """An `ObjectInstance`."""
 
     name: str
     transform: Transform
@@ -162,10 +160,8 @@ class InstanceUse:
 
 @dataclass(frozen=True, eq=False)
 class NamedTexture:
-    """A texture by its name. value: None where the texture is not supported, which the report says. size: its
-    nodes.
-
-    plain: whether pbrt takes it for a constant.
+    """A texture by its name. value: None for an unsupported one, which the report lists. size: the number of
+    its nodes. plain: whether pbrt takes it for a constant.
     """
 
     value: Texture | None
@@ -223,12 +219,12 @@ class Builder:
 
     @property
     def moves(self) -> bool:
-        """Whether what is placed now moves while the shutter is open."""
+        """Whether an object placed now would move while the shutter is open."""
         start, end = self.state.transform.matrix, self.state.end.matrix
         return start is not end and not np.array_equal(start, end)
 
     def check_affine(self, where: Location) -> None:
-        """Unsupported where the transformation is a projection."""
+        """Raise Unsupported if the transformation is a projection."""
         if self.state.transform.projects:
             raise Unsupported(PROJECTION, where)
 

@@ -66,14 +66,14 @@ class Transform:
 
     @property
     def only_moves(self) -> bool:
-        """Whether it is a translation to the bit, its inverse too."""
+        """Whether it is exactly a translation, its inverse too."""
         return bool((self.matrix[:3, :3] == IDENTITY[:3, :3]).all()) and bool(
             (self.inverse[:3, :3] == IDENTITY[:3, :3]).all()
         )
 
     @property
     def projects(self) -> bool:
-        """Whether the map is not affine: it then turns directions but cannot place points."""
+        """Whether the map is not affine, so that it cannot place points."""
         return bool(np.any(self.matrix[3, :3]))
 
     @property
@@ -82,7 +82,7 @@ class Transform:
         return _swaps_handedness(self.matrix[:3, :3].tobytes())
 
     def inverted(self) -> Transform:
-        """The inverse, at no cost and no loss."""
+        """The inverse, without any computation."""
         return Transform(self.inverse, self.matrix)
 
 
@@ -171,9 +171,8 @@ def from_matrix(values: Sequence[float]) -> Transform:
 
 
 def unit(v: Array) -> Array:
-    """(3,) scaled to length 1; what has that length up to rounding is left as it is.
-
-    ValueError for the zero vector.
+    """The vector (3,) at length 1, unchanged if it has that length up to rounding. ValueError for the zero
+    vector.
     """
     largest = np.abs(v).max()
     if largest == 0:
@@ -185,7 +184,7 @@ def unit(v: Array) -> Array:
 
 
 def uniform_scale(columns: Array) -> float | None:
-    """The factor by which orthogonal columns of one length, (3, k), scale; None where they stretch or
+    """The factor by which orthogonal columns of one length, (3, k), scale; None for columns that stretch or
     shear.
     """
     return _uniform_scale(columns.tobytes(), columns.shape[1])
@@ -204,7 +203,7 @@ def _uniform_scale(data: bytes, count: int) -> float | None:
 
 
 def rigid(transform: Transform) -> Array | None:
-    """Camera to world of a camera's CTM, its uniform scale and rounding taken out: (4, 4); None where it
+    """Camera to world from a camera's CTM, without its uniform scale and rounding: (4, 4). None if it
     stretches.
     """
     matrix = transform.inverse.copy()
@@ -216,8 +215,8 @@ def rigid(transform: Transform) -> Array | None:
 
 
 def orthonormal(linear: Array) -> Array | None:
-    """Orthogonal columns of one length, (3, 3), made orthonormal; to the bit as they are where they are it up
-    to rounding. None where they stretch.
+    """Orthogonal columns of one length, (3, 3), made orthonormal; unchanged if they are so up to rounding.
+    None if they stretch.
     """
     axes = _orthonormal(linear.tobytes())
     return None if axes is None else axes.copy()
@@ -247,8 +246,8 @@ ARGUMENTS = {name: count for name, (count, _) in _MAKERS.items()}
 
 
 def apply_directive(name: str, values: Sequence[float], current: Transform, where: Location) -> Transform:
-    """The current transformation after directive `name` with its numbers; SceneError where there is no
-    inverse.
+    """The current transformation after directive `name` with its numbers. SceneError for one that is not
+    invertible.
     """
     with np.errstate(all="ignore"):
         try:

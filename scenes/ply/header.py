@@ -33,13 +33,13 @@ _MAGIC = re.compile(rb"ply[ \t]*(\r\n|\n|\r)")
 
 
 class PlyError(Exception):
-    """A file is broken: how, as the end of a sentence that begins with its name."""
+    """The reason why a file is broken, as the end of a sentence that begins with its name."""
 
 
 @dataclass(frozen=True)
 class Property:
-    """A column. type: as declared, held: as it lies in the content; length: as the lengths of lists lie
-    there, None if it has none.
+    """A column. type: as declared. held: as stored. length: the stored type of the lengths of lists, None for
+    a column without lists.
     """
 
     name: str
@@ -62,12 +62,12 @@ class Element:
         return tuple(column for column in self.properties if column.length is not None)
 
     def find(self, *names: str) -> Property | None:
-        """The first column of the first of these names that there is."""
+        """The first column with the first of these names that exists."""
         return next((column for name in names for column in self.properties if column.name == name), None)
 
     def offset(self, stop: Property | None, lengths: tuple[int, ...]) -> int:
-        """Bytes from a row's start to the value or the first list item of `stop`, None: to the row's end.
-        lengths: of its lists.
+        """Bytes from a row's start to the value or first list item of `stop`; None gives the row's end.
+        lengths: of the row's lists.
         """
         at, left = 0, iter(lengths)
         for column in self.properties:
@@ -80,7 +80,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """ascii: whether the content is text. size: bytes of the header, behind which the content begins."""
+    """ascii: whether the content is text. size: bytes of the header, after which the content begins."""
 
     ascii: bool
     elements: tuple[Element, ...]
@@ -91,8 +91,8 @@ class Header:
         return next((element for element in self.elements if element.name == name), None)
 
     def least(self) -> int:
-        """Bytes that the content has at least: all lists empty; in ASCII, one digit a word and one space
-        between two.
+        """The least number of bytes of the content: all lists are empty; in ASCII, words of one digit with
+        one space between.
         """
         size = sum(
             element.count * element.offset(None, (0,) * len(element.lists)) for element in self.elements
@@ -100,8 +100,8 @@ class Header:
         return max(2 * (size // WORD) - 1, 0) if self.ascii else size
 
     def most(self, corners: int) -> int | None:
-        """Bytes that the content has at most if no list is longer than `corners`; None if text or further
-        lists leave that open.
+        """The largest number of bytes of the content if no list is longer than `corners`; None if text or
+        further lists leave it open.
         """
         if self.ascii or any(element.lists for element in self.elements if element.name != "face"):
             return None
@@ -113,9 +113,8 @@ class Header:
 
 
 def parse_header(data: bytes) -> Header:
-    """The header at the start of `data`, which holds HEADER_LIMIT bytes of the file or all of it.
-
-    PlyError if it is none.
+    """The header at the start of `data`, the first HEADER_LIMIT bytes of the file or all of it. PlyError if
+    there is none.
     """
     magic = _MAGIC.match(data)
     if magic is None:

@@ -1,8 +1,8 @@
-"""Where the rows of a PLY element lie, and what stands in their columns.
+"""Rows of a PLY element: where they lie, and the values in their columns.
 
-Rows with lists differ in size, so that one must be read to know where the next begins. Nearly all files have
-long runs of one size: a run is found by comparing the lengths at equal distances, all at once. Rows that
-differ from their neighbours are stepped over one by one, at about a microsecond each.
+Rows with lists differ in size, so that one must be read to find the next. Nearly all files have long runs of
+one size: a run is found by comparing the lengths at equal distances, all at once. Single rows that differ
+take about a microsecond each.
 """
 
 from __future__ import annotations
@@ -32,10 +32,8 @@ Check = Callable[[Element, int, Lengths], None]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of an element, in runs of equal lengths of lists.
-
-    runs: (r, 3) int64, of each the first row, its offset, and which of `lengths` its lists have. end: where
-    the last row ends.
+    """The rows of an element in runs of equal lengths of lists. runs: (r, 3) int64, of each run the first
+    row, its offset, and its entry in `lengths`. end: the end of the last row.
     """
 
     element: Element
@@ -45,14 +43,13 @@ class Rows:
     end: int
 
     def values(self, column: Property) -> NDArray[Any]:
-        """A column without lists: (n,), of its declared type.
-
-        PlyError if text has a number that this type does not.
+        """A column without lists: (n,), of its declared type. PlyError if text holds a number outside this
+        type.
         """
         return self._cells(column, list(range(len(self.lengths))), 1)[:, 0]
 
     def lists(self, column: Property, length: int) -> NDArray[Any]:
-        """The lists of one length, in order: (k, length), of their declared type. PlyError as above."""
+        """The lists of one length, in order: (k, length), of their declared type. PlyError as of `values`."""
         which = self.element.lists.index(column)
         kinds = [kind for kind, lengths in enumerate(self.lengths) if lengths[which] == length]
         return self._cells(column, kinds, length)
@@ -100,10 +97,10 @@ def _declared(values: NDArray[Any], column: Property) -> NDArray[Any]:
 
 
 def lay_out(element: Element, content: memoryview, start: int, check: Check | None = None) -> Rows:
-    """Find the rows of an element, which has columns; the first is at offset `start`.
+    """Find the rows of an element that has columns; the first lies at offset `start`.
 
-    check: told of the first row with lists of each lengths, to raise what is wrong with them. PlyError if the
-    content ends before the last row, or the length of a list is none.
+    check: called with the first row of each combination of lengths, to raise what is wrong with them.
+    PlyError if the content ends before the last row, or a length is invalid.
     """
     walk = _Walk(element, content)
     runs = array("q")  # row, offset and kind of each
@@ -139,7 +136,7 @@ def lay_out(element: Element, content: memoryview, start: int, check: Check | No
 
 
 class _Walk:
-    """Reads the lengths of lists."""
+    """Reader of the lengths of lists."""
 
     def __init__(self, element: Element, content: memoryview) -> None:
         self._element = element
@@ -156,8 +153,8 @@ class _Walk:
                 gap = 0
 
     def lengths(self, row: int, at: int) -> Read:
-        """The lengths of the lists of the row at offset `at`, as they stand there: `checked` says whether
-        they are lengths.
+        """The lengths of the lists of the row at offset `at`, as stored; `checked` tells whether they are
+        valid.
         """
         found: list[int | float] = []
         try:
@@ -175,7 +172,7 @@ class _Walk:
         return tuple(found)
 
     def checked(self, row: int, lengths: Read) -> Lengths:
-        """These numbers as whole ones; PlyError unless they can be lengths of lists."""
+        """The numbers as whole ones. PlyError unless they can be lengths of lists."""
         for length in lengths:
             if not 0 <= length <= LENGTH_LIMIT or length % 1:
                 raise PlyError(
@@ -185,8 +182,8 @@ class _Walk:
         return tuple(int(length) for length in lengths)
 
     def run(self, lengths: Lengths, size: int, at: int, rows: int) -> int:
-        """How many of the next `rows` rows, the first at offset `at`, have these lengths and end within the
-        content.
+        """The number of rows among the next `rows`, from offset `at` on, that have these lengths and end
+        within the content.
         """
         within = min(rows, (len(self._content) - at) // size)
         done = 0

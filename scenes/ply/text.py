@@ -1,4 +1,4 @@
-"""The numbers of an ASCII PLY file: all of its words in one array, read piece by piece."""
+"""Numbers of an ASCII PLY file: all of its words in one array, read piece by piece."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read_numbers(data: bytes, start: int) -> memoryview:
 
 
 def _pieces(data: bytes, start: int) -> list[tuple[int, int]]:
-    """Where to cut the text, each time before a space."""
+    """The offsets at which to cut the text, each before a space."""
     pieces: list[tuple[int, int]] = []
     while start < len(data):
         end = min(start + PIECE, len(data))
@@ -49,7 +49,7 @@ def _pieces(data: bytes, start: int) -> list[tuple[int, int]]:
 
 
 def _words(piece: bytes) -> int:
-    """How many words a piece has, which begins and ends with whole ones."""
+    """The number of words of a piece that begins and ends with whole ones."""
     codes = np.frombuffer(piece, dtype=np.uint8)
     space = (codes == 32) | (codes - np.uint8(9) < 5)  # a subtraction below 0 wraps to large numbers
     return int(np.count_nonzero(space[:-1] & ~space[1:])) + int(len(space) > 0 and not space[0])

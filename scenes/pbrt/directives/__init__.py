@@ -1,1 +1,1 @@
-"""The meaning of each directive: one file a family, with pbrt-v4's own defaults."""
+"""Directives, one file a family, with pbrt-v4's own defaults."""

@@ -101,7 +101,7 @@ MAPPINGS = ("equalarea", "equirectangular")
 
 
 def _lens(parameters: Parameters) -> Lens | None:
-    """The lens; None where its radius is not above 0, as pbrt takes it."""
+    """The lens, None if its radius is not above 0, as in pbrt."""
     radius, distance = parameters.number("lensradius", 0.0), parameters.number("focaldistance", 1e6)
     if radius > 0 and not distance > 0:
         raise parameters.fail("focaldistance", f"focaldistance must be positive, not {distance:g}")
@@ -109,9 +109,8 @@ def _lens(parameters: Parameters) -> Lens | None:
 
 
 def _window(parameters: Parameters) -> Array | None:
-    """The part of the screen that the film shows, (4,) left, right, bottom and top.
-
-    `screenwindow` gives it, else `frameaspectratio`; None where neither does. pbrt sorts its ends.
+    """The part of the screen that the film shows, (4,) left, right, bottom and top, by `screenwindow` or else
+    by `frameaspectratio`; None without both. Its ends are sorted, as by pbrt.
     """
     frame, window = parameters.number("frameaspectratio", 1.0), parameters.numbers("screenwindow")
     if not frame > 0:
@@ -129,9 +128,8 @@ def _window(parameters: Parameters) -> Array | None:
 
 
 def framed(builder: Builder) -> Camera:
-    """The camera with the window that the film's crop shows.
-
-    The window is None where it is the film's own, see `whole`.
+    """The camera with the window of the film's crop. The window is None for a film without one, see
+    `whole`.
     """
     film, crop, window = builder.film, builder.crop, builder.screen_window
     width, height = (film.width, film.height) if crop is None else builder.full_size
@@ -150,7 +148,7 @@ def framed(builder: Builder) -> Camera:
 
 
 def film(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Film`: its size, its crop, and the imaging ratio of its sensor; an image is linear sRGB."""
+    """`Film`: size, crop, and the imaging ratio of its sensor. The image is linear sRGB."""
     refuse_kind(kind, " ".join(FILMS), parameters)
     if builder.state.space != SRGB:
         problem = (
@@ -175,7 +173,7 @@ def film(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def _sensor(builder: Builder, parameters: Parameters) -> None:
-    """The ISO value. A sensor, a white balance or a limit that would change or clamp colours gives a note."""
+    """The ISO value, with a note on a sensor, white balance or limit that would change or clamp colours."""
     require_value(
         parameters, "exposuretime", parameters.number("exposuretime", 1.0), 1.0, "the shutter's times expose"
     )
@@ -204,9 +202,9 @@ def _sensor(builder: Builder, parameters: Parameters) -> None:
 
 
 def _crop(parameters: Parameters, size: list[int]) -> tuple[int, int, int, int] | None:
-    """The pixels x0, x1, y0, y1 that are rendered, ends excluded; None where it is all of them.
+    """The pixels x0, x1, y0, y1 to render, ends excluded; None for all of them.
 
-    pbrt rounds the share of the film that `cropwindow` gives upwards, in float32; it overrules `pixelbounds`.
+    `cropwindow` overrules `pixelbounds`. pbrt rounds its share of the film upwards, in float32.
     """
     window, bounds = parameters.numbers("cropwindow"), parameters.integers("pixelbounds")
     for name, values in (("cropwindow", window), ("pixelbounds", None if bounds is None else bounds[0])):

@@ -30,7 +30,7 @@ TO_CUBIC["bspline", 2] = TO_CUBIC["bezier", 2] @ (np.array([[1.0, 1, 0], [0, 2, 
 
 
 def curve(parameters: Parameters, placement: Placement) -> list[Geometry]:
-    """`Shape "curve"`."""
+    """`Shape "curve"` as triangles."""
     if placement.light is not None:
         raise SceneError(
             "pbrt cannot sample a curve that emits light: take its area light off", parameters.where
@@ -54,7 +54,7 @@ def curve(parameters: Parameters, placement: Placement) -> list[Geometry]:
 
 
 def _segments(parameters: Parameters) -> Array:
-    """(s, 4, 3): the control points of each part of a curve as a cubic Bezier curve."""
+    """(s, 4, 3): each part of a curve as the control points of a cubic Bezier curve."""
     degree, basis = parameters.integer("degree", 3), parameters.text("basis", "bezier")
     if degree not in (2, 3):
         raise parameters.fail("degree", f"the degree of a curve must be 2 or 3, not {degree}")
@@ -73,7 +73,7 @@ def _segments(parameters: Parameters) -> Array:
 
 
 def _ribbon_normals(parameters: Parameters, kind: str, count: int) -> Array | None:
-    """(s + 1, 3) unit normals between the parts of a ribbon; None for other curves."""
+    """(s + 1, 3) unit normals at the ends of a ribbon's parts; None for other curves."""
     if kind not in ("flat", "cylinder", "ribbon"):
         raise parameters.fail("type", f"the type of a curve must be flat, cylinder or ribbon, not {kind}")
     given = parameters.vectors("normal", "N")
@@ -135,7 +135,7 @@ def swept(segments: Array, widths: Array, normals: Array | None) -> tuple[Array,
 
 
 def _evaluated(segments: Array, u: Array) -> tuple[Array, Array]:
-    """Points and unit tangents (s, n, 3) at parameters u (n,)."""
+    """Points and unit tangents (s, n, 3) at the parameters u (n,) of every part."""
     v = 1 - u
     weights = np.stack([v**3, 3 * u * v * v, 3 * u * u * v, u**3], axis=1)
     slopes = np.stack([v * v, 2 * u * v, u * u], axis=1)
@@ -149,7 +149,7 @@ def _evaluated(segments: Array, u: Array) -> tuple[Array, Array]:
 
 
 def _frames(tangent: Array) -> tuple[Array, Array]:
-    """Unit axes x, y (s, n, 3) across tangents (s, n, 3), turning about them no more than they must."""
+    """Unit axes x, y (s, n, 3) across tangents (s, n, 3), with the least rotation about them."""
     helper = np.eye(3)[np.abs(tangent).argmin(axis=2)]
     x = np.cross(tangent, helper)
     x /= np.linalg.norm(x, axis=2, keepdims=True)
@@ -176,7 +176,7 @@ def _turned_normals(normals: Array, u: Array) -> Array:
 
 
 def _strips(parts: int, rings: int, count: int) -> Faces:
-    """Triangles of `parts` grids of `rings` rows and `count` columns."""
+    """The triangles of `parts` grids of `rings` rows and `count` columns."""
     i = np.arange(rings - 1)[:, None] * count + np.arange(count - 1)
     first = (np.arange(parts) * rings * count)[:, None, None]
     corner = (first + i).ravel()

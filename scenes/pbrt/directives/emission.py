@@ -1,4 +1,4 @@
-"""An `AreaLightSource` applied to a shape: its radiance, a power spread over it, an image laid on it."""
+"""Emission of a shape under an `AreaLightSource`: radiance, a power spread over the shape, an image."""
 
 from __future__ import annotations
 
@@ -30,10 +30,9 @@ SAME_POINT = 1e-6  # of a rectangle's diagonal: where two triangles share a corn
 
 
 def apply_area_light(geometry: Geometry, light: AreaLight, where: Location, report: Report) -> Lit:
-    """The shape with its emission, in parts where its faces differ in radiance; what is not supported is
-    reported.
+    """The shape with its emission, split where its faces differ in radiance. Reports what is not supported.
 
-    In pbrt each triangle and each patch is a light of its own, so that a `power` is that of each of them.
+    In pbrt each triangle and each patch is a light of its own, so that each of them emits the whole `power`.
     """
     power = light.power
     if light.emission.image is not None:
@@ -54,7 +53,7 @@ def apply_area_light(geometry: Geometry, light: AreaLight, where: Location, repo
 
 
 def _spread(geometry: Geometry, light: AreaLight, power: float, report: Report) -> Lit:
-    """The shape in parts of one radiance each, every face emitting `power`, in W."""
+    """The shape in parts of one radiance, of which each face emits `power`, in W."""
     parts = _by_area(geometry)
     if len(parts) > PARTS:
         report.add(
@@ -77,7 +76,7 @@ def _spread(geometry: Geometry, light: AreaLight, power: float, report: Report) 
 
 
 def _by_area(geometry: Geometry) -> list[tuple[Geometry, float]]:
-    """The geometry in parts whose faces have one area, with that area."""
+    """The geometry in parts whose faces share one area, each with that area."""
     areas = geometry.areas()
     order = np.argsort(areas, kind="stable")
     steps = np.diff(areas[order]) > SAME_AREA * areas[order][1:]
@@ -124,12 +123,12 @@ def image_rectangles(geometry: Geometry) -> BilinearMesh | None:
 
 
 def _normals(points: Array) -> Array:
-    """(q, 3) the normals of the first three of points (q, k, 3), of any length."""
+    """Normals (q, 3), of any length, by the first three of points (q, k, 3)."""
     return np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
 
 
 def _are_halves(uv: Array) -> bool:
-    """Whether the two triangles of each pair, uv (q, 6, 2), are the halves of the image to both sides of a
+    """Whether the two triangles of each pair, uv (q, 6, 2), are the halves of the image on both sides of a
     diagonal.
     """
     here = _is_image_corner(uv)
@@ -140,13 +139,13 @@ def _are_halves(uv: Array) -> bool:
 
 
 def _is_image_corner(uv: Array) -> NDArray[np.bool_]:
-    """(q, k, 4): at which of the image's corners coordinates (q, k, 2) is, in a patch's order."""
+    """(q, k, 4): whether coordinates (q, k, 2) are those of the image's four corners, in a patch's order."""
     return np.all(uv[:, :, None, :] == PATCH_UV, axis=-1)
 
 
 def _at_image_corners(points: Array, uv: Array) -> Array | None:
-    """The points (q, 4, 3) at the image's corners, of points (q, k, 3) at uv (q, k, 2); None where one has
-    none or several.
+    """The points (q, 4, 3) at the image's corners, of points (q, k, 3) with uv (q, k, 2); None if a corner
+    has no point or several.
     """
     here = _is_image_corner(uv)
     if not (np.all(here.any(axis=2)) and np.all(here.any(axis=1))):

@@ -1,6 +1,6 @@
-"""`LightSource "infinite"`: constant and image environments, portals, and what several of them add up to.
+"""`LightSource "infinite"`: constant and image environments, portals, and sums of several.
 
-Two parameters are ours and no pbrt's: `"string mapping" "latitude-longitude"` for such an image, and `"bool
+Two parameters are ours, not pbrt's: `"string mapping" "latitude-longitude"` for such an image, and `"bool
 hemisphere" true` for light only where the light's own z is positive.
 """
 
@@ -29,7 +29,7 @@ SAME_DIRECTION = 1e-3  # pbrt's own, on the cosines between the edges of a porta
 def infinite(
     builder: Builder, parameters: Parameters, colour: Array | None, scale: float, illuminance: float | None
 ) -> Environment | PortalLight:
-    """An environment, `colour` being its `L` if it is given; Unsupported where its transformation
+    """An environment. colour: its `L`, None if not given. Raises Unsupported for a transformation that
     stretches.
     """
     # Which way a constant one is turned changes nothing.
@@ -57,7 +57,7 @@ def infinite(
 
 
 def _portal(parameters: Parameters) -> Array | None:
-    """`portal`: the corners (4, 3) of a rectangle in turn, in world space whatever the transformation is."""
+    """The corners (4, 3) of `portal`, a rectangle in turn, in world space under any transformation."""
     corners = parameters.vectors("point3", "portal")
     if corners is None:
         return None
@@ -138,9 +138,8 @@ def _latitude_cosines(height: int, width: int) -> Array:
 
 
 def sum_environments(lights: Sequence[Light]) -> tuple[Light, ...]:
-    """The lights, constants added up, also to the texels of the first image, in the place of the first.
-
-    Whatever has no exact sum stays a light of its own.
+    """The lights, where constant environments are added up, also to the texels of the first image, in the
+    place of the first. Lights without an exact sum stay apart.
     """
     kept: list[Light] = []
     skies: list[tuple[int, Environment]] = []
@@ -155,7 +154,7 @@ def sum_environments(lights: Sequence[Light]) -> tuple[Light, ...]:
 
 
 def _sum(first: Environment, second: Environment) -> Environment | None:
-    """The one environment that two of them are; None where they are none."""
+    """Two environments as one; None if they have no exact sum."""
     if first.hemisphere != second.hemisphere or (
         first.hemisphere and not np.array_equal(first.frame, second.frame)
     ):

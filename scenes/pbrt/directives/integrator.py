@@ -1,4 +1,4 @@
-"""`Sampler`, `Integrator`, `Accelerator` and `Option`: the renderer settings of a file, which a request may
+"""`Sampler`, `Integrator`, `Accelerator` and `Option`: a file's settings of the renderer, which a request may
 override.
 """
 
@@ -40,7 +40,7 @@ HARMFUL = {
 
 
 def sampler(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Sampler`: each of pbrt's low-discrepancy samplers stands for Owen-scrambled Sobol' points."""
+    """`Sampler`: Owen-scrambled Sobol' points stand for each of pbrt's low-discrepancy samplers."""
     refuse_kind(kind, " ".join(SAMPLERS), parameters)
     seed = parameters.integer("seed", 0)
     if seed < 0:
@@ -74,9 +74,8 @@ def _strata(parameters: Parameters) -> int:
 
 
 def integrator(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Integrator`: the direct component of whatever light transport it names, or ambient occlusion.
-
-    Direct light and visible emission are pbrt's path tracers at depth 1.
+    """`Integrator`: ambient occlusion, or the direct component of any light transport: direct light and
+    visible emission, as by pbrt's path tracer at depth 1.
     """
     builder.integrator = kind, parameters.where
     if kind == "ambientocclusion":
@@ -135,8 +134,8 @@ def accelerator(_: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def option(builder: Builder, name: str, value: str, where: Location) -> None:
-    """`Option "name" value`: pbrt compares names without case, dashes and underscores; a type before the name
-    is let pass.
+    """`Option "name" value`. As in pbrt, case, dashes and underscores of the name do not count, and a type
+    before it is allowed.
     """
     word = name.split()[-1] if name.split() else ""
     known = word.lower().replace("-", "").replace("_", "")

@@ -1,6 +1,6 @@
-"""`LightSource` and `AreaLightSource`: read with pbrt-v4's defaults and units, and written back.
+"""`LightSource` and `AreaLightSource`, read with pbrt-v4's defaults and units, and written back.
 
-Luminance, luminous power and illuminance are understood where a file asks for them.
+Luminance, luminous power and illuminance are understood where a file gives them.
 """
 
 from __future__ import annotations
@@ -60,19 +60,19 @@ def light_source(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def kinds() -> tuple[str, ...]:
-    """The kinds that are read."""
+    """The kinds of light that are read."""
     return tuple(_LIGHTS)
 
 
 @singledispatch
 def light_text(light: Light, files: SideFiles) -> list[str]:
-    """The directives that read back as the light to the bit; images go to `files`."""
+    """The directives that read back as the same light, bit for bit. Images go to `files`."""
     raise TypeError(f"no pbrt text is known for a {type(light).__name__}")
 
 
 def emitted(parameters: Parameters, name: str) -> Array:
-    """The colour of a light times its `scale`, (3,) float64; white where none is given, as pbrt's standard
-    illuminant.
+    """The colour of a light times its `scale`, (3,) float64; white, pbrt's standard illuminant, if none is
+    given.
     """
     found = colour(parameters, name, "illuminant")
     return checked(parameters, name, (np.ones(3) if found is None else found) * factor(parameters))
@@ -87,7 +87,7 @@ def factor(parameters: Parameters) -> float:
 
 
 def checked(parameters: Parameters, name: str, radiance: Array) -> Array:
-    """`radiance`, or a SceneError where it is too large."""
+    """`radiance`; SceneError if it is too large."""
     if not np.all(radiance <= RADIANCE_LIMIT):
         raise parameters.fail(
             name, "the radiance is beyond 1e30, the largest that float32 images can average"
@@ -96,13 +96,13 @@ def checked(parameters: Parameters, name: str, radiance: Array) -> Array:
 
 
 def _positive(parameters: Parameters, name: str) -> float | None:
-    """A `power` or an `illuminance`; like pbrt, treat a value that is not positive as not given."""
+    """A `power` or an `illuminance`; None if it is not positive, which pbrt treats as not given."""
     value = parameters.number(name, -1.0)
     return value if value > 0 else None
 
 
 def _position(builder: Builder, parameters: Parameters, from_: bool = True) -> Array:
-    """Where a light stands, (3,). from_: whether it has a parameter of that name."""
+    """The position (3,) of a light. from_: whether it has a parameter of that name."""
     own = parameters.point("from", (0.0, 0.0, 0.0)) if from_ else np.zeros(3)
     position = builder.state.transform.points(own[None])[0]
     if not np.all(np.abs(position) <= COORDINATE_LIMIT):
@@ -111,7 +111,7 @@ def _position(builder: Builder, parameters: Parameters, from_: bool = True) -> A
 
 
 def _direction(builder: Builder, parameters: Parameters, v: Array) -> Array:
-    """A direction of the light's own space, in world space: (3,), unit."""
+    """The unit vector (3,) in world space of a direction in the light's own space."""
     try:
         return unit(builder.state.transform.vector(unit(v))) + 0.0
     except ValueError:
@@ -222,7 +222,7 @@ def _projection(builder: Builder, parameters: Parameters) -> Light:
 
 
 def _luminous_power(light: ProjectionLight) -> float:
-    """pbrt's sum of luminance over the image, each texel by the solid angle of its middle."""
+    """pbrt's sum of luminance over the image, each texel weighted by the solid angle of its middle."""
     height, width = light.image.shape[:2]
     x = (2 * np.arange(float(width)) + 1) / width - 1
     y = (2 * np.arange(float(height)) + 1) / height - 1
@@ -246,7 +246,7 @@ def _filename(parameters: Parameters, kind: str) -> str:
 
 
 def _for_power(parameters: Parameters, intensity: Array, power: float, own: float) -> Array:
-    """`intensity` scaled so that a light of `own` lumens sends out `power`."""
+    """`intensity` scaled so that a light that sends out `own` lumens sends out `power`."""
     if not own > 0:
         raise parameters.fail("power", "the image is black: it cannot send out any power")
     return checked(parameters, "power", intensity * (power / own))
@@ -310,7 +310,7 @@ def area_light(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def area_light_text(emission: Emission, files: SideFiles) -> str:
-    """`AreaLightSource`."""
+    """The `AreaLightSource` of an emission."""
     sides = ' "bool twosided" [ true ]' if emission.two_sided else ""
     if emission.image is None:
         return f'AreaLightSource "diffuse" "rgb L" [ {numbers(emission.radiance)} ]{sides}'

@@ -31,7 +31,7 @@ BLOCKING = (
 
 
 def named_medium(builder: Builder, name: str, parameters: Parameters) -> None:
-    """`MakeNamedMedium`: it counts where something uses it."""
+    """`MakeNamedMedium`. A medium counts only where something uses it."""
     if name in builder.media:
         raise SceneError(f'medium "{name}" is made twice', parameters.where)
     check_room(builder.media, "media", parameters.where)
@@ -44,12 +44,12 @@ def named_medium(builder: Builder, name: str, parameters: Parameters) -> None:
 
 
 def is_interface(builder: Builder, use: MaterialUse) -> bool:
-    """Whether light passes through a surface of this material, as far as its name is known by now."""
+    """Whether light passes through a surface of this material, as far as names are known so far."""
     return isinstance(builder.materials.get(use.name) if isinstance(use, NamedMaterial) else use, Interface)
 
 
 def leave_out(builder: Builder, light: AreaLight | None, where: Location) -> None:
-    """Leave out a shape that light passes through, and its own light with it, as pbrt does."""
+    """Leave out a shape that light passes through, and its light with it, as pbrt does."""
     builder.interfaces += 1
     if light is not None:
         builder.report.remark(LIGHTLESS, where)

@@ -23,7 +23,7 @@ NORMAL_TOLERANCE = 1e-4  # of the components of a unit normal that says no more 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """The part of the file's state that bears on the next shape."""
+    """The state of the file that bears on the next shape."""
 
     transform: Transform
     reverse: bool
@@ -211,7 +211,7 @@ def _check_indices(indices: NDArray[np.int64], tokens: Values, count: int) -> No
 
 
 def _normals(parameters: Parameters, count: int) -> Array | None:
-    """Vertex normals, (m, 3), one for each point; None if not given."""
+    """Vertex normals (m, 3), one for each point; None if none are given."""
     normals = parameters.vectors("normal", "N")
     if normals is not None and len(normals) != count:
         parameters.remark("N", f"{len(normals)} normals for {count} points: none is taken, as in pbrt")
@@ -220,7 +220,7 @@ def _normals(parameters: Parameters, count: int) -> Array | None:
 
 
 def _uv(parameters: Parameters, count: int) -> Array | None:
-    """Texture coordinates, (m, 2), one for each point; None if not given."""
+    """Texture coordinates (m, 2), one for each point; None if none are given."""
     uv = parameters.vectors("point2", "uv")
     if uv is not None and len(uv) != count:
         problem = f"{len(uv)} texture coordinates for {count} points: none is taken, as in pbrt"

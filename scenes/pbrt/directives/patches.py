@@ -32,7 +32,9 @@ def curved(vertices: Array, faces: Faces) -> NDArray[np.bool_]:
 
 
 def patch_problem(vertices: Array, faces: Faces) -> str | None:
-    """Why planar patches are not convex quadrilaterals with area, or None. Arguments as of `curved`."""
+    """The reason why planar patches are no convex quadrilaterals with an area, or None. Arguments as of
+    `curved`.
+    """
     p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
     diagonals = cross_product(p11 - p00, p01 - p10)
     length = np.linalg.norm(diagonals, axis=1)
@@ -99,7 +101,7 @@ def _diameter(corners: Array) -> Array:
 
 
 def _own_normals(corners: Array) -> Array:
-    """(q, 4, 3) dp/du x dp/dv at the corners; it is bilinear in between too."""
+    """(q, 4, 3) dp/du x dp/dv at the corners, which is bilinear in between too."""
     p00, p10, p01, p11 = np.moveaxis(corners, 1, 0)
     along = np.stack([p10 - p00, p10 - p00, p11 - p01, p11 - p01], axis=1)
     across = np.stack([p01 - p00, p11 - p10, p01 - p00, p11 - p10], axis=1)

@@ -1,4 +1,4 @@
-"""pbrt's `realistic` camera as the thin lens of its focal length, which `--substitute` renders."""
+"""pbrt's `realistic` camera as the thin lens of its focal length, for `--substitute`."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MILLIMETRE = 1e-3  # lens files are in millimetres, scenes in metres
 
 @dataclass(frozen=True)
 class ThinLens:
-    """fov: of the film's shorter side, degrees. lens: in the scene's units. share: what the film receives of
-    the light that pbrt's other cameras give it.
+    """fov: of the film's shorter side, in degrees. lens: in the scene's units. share: the light that the film
+    receives, over that of pbrt's other cameras.
     """
 
     fov: float
@@ -30,9 +30,8 @@ class ThinLens:
 
 
 def thin_lens(parameters: Parameters, diagonal: float, size: tuple[int, int]) -> ThinLens:
-    """The thin lens that focuses on the same plane. diagonal: of the film, mm. size: of the film in pixels.
-
-    SceneError where there is no lens file, or it is none, or its lens cannot focus there.
+    """The thin lens that focuses on the same plane. diagonal: of the film, in mm. size: of the film, in
+    pixels. SceneError if there is no sound lens file, or its lens cannot focus there.
     """
     name = parameters.text("lensfile", "")
     if not name:

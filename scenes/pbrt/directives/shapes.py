@@ -45,8 +45,8 @@ MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")  # which may 
 
 
 def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
-    """`Shape`: its geometry in world space, or in its object's, with the material and the light of the
-    moment.
+    """`Shape`: its geometry in the world, or in the space of its object, with the current material
+    and light.
     """
     state = builder.state
     parameters.owner = kind
@@ -80,12 +80,12 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def kinds() -> tuple[str, ...]:
-    """The kinds that are read."""
+    """The kinds of shape that are read."""
     return tuple(_SHAPES)
 
 
 def mesh_run(builder: Builder, run: MeshRun, where: Location) -> None:
-    """Many meshes under one state as one shape, which reflects only; SceneError where it is too large."""
+    """Many meshes under one state as one reflecting shape. SceneError if it is too large."""
     builder.check_placed("a shape", where)
     placement = Placement(builder.state.transform, builder.state.reverse, None)
     mesh = TriangleMesh(placement.transform.points(run.vertices), run.faces, placement.turned)
@@ -98,7 +98,7 @@ def mesh_run(builder: Builder, run: MeshRun, where: Location) -> None:
 
 
 def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list[Geometry]:
-    """The geometries of one `Shape` directive, one or two of them; SceneError for what cannot be."""
+    """The geometries of a `Shape` directive, one or two. SceneError for parameters out of range."""
     if kind not in _SHAPES:
         parameters.ignore()
         raise Unsupported(
@@ -116,9 +116,8 @@ def build_shape(kind: str, parameters: Parameters, placement: Placement) -> list
 
 
 def _alpha(parameters: Parameters, light: AreaLight | None) -> Alpha | None:
-    """How likely rays meet the shape, None where they always do.
-
-    A light of alpha 0 is sampled and never met, as in pbrt.
+    """The probability that rays meet the shape, None if they always do. As in pbrt, a light of alpha 0 is
+    sampled and never met.
     """
     parameter = parameters.take("alpha", "float", "texture")
     if parameter is None:
@@ -137,7 +136,7 @@ def _alpha(parameters: Parameters, light: AreaLight | None) -> Alpha | None:
 
 
 def resolve_alpha(alpha: Alpha | None, builder: Builder) -> Texture | None:
-    """The alpha of a shape, its name looked up; SceneError where there is no such texture."""
+    """The alpha of a shape, with its texture looked up by name. SceneError if there is no such texture."""
     if isinstance(alpha, NamedNumbers):
         found = named_texture(builder, "float", alpha.texture, alpha.where).value
         return None if isinstance(found, np.ndarray) and found.min() >= 1 else found
@@ -145,7 +144,7 @@ def resolve_alpha(alpha: Alpha | None, builder: Builder) -> Texture | None:
 
 
 def range_problem(geometry: Geometry) -> str | None:
-    """Why a shape is too large or too small to compute with, or None."""
+    """The reason why a shape is too large or too small to compute with, or None."""
     if not isinstance(geometry, Mesh) and not geometry.radius >= 1 / COORDINATE_LIMIT:
         return f"the radius is too small to compute with: {geometry.radius:g}"
     if not np.abs(geometry.corners).max(initial=0.0) <= COORDINATE_LIMIT:  # NaN is none
@@ -154,8 +153,8 @@ def range_problem(geometry: Geometry) -> str | None:
 
 
 def _emitting(geometry: Geometry, parameters: Parameters) -> Geometry:
-    """A triangle mesh without the faces that have no area, which are lights of no power in pbrt; SceneError
-    where all are. Other shapes as they are.
+    """A triangle mesh without faces of no area, which are lights of no power in pbrt; other shapes as they
+    are. SceneError if no face has an area.
     """
     whole = geometry.areas() > 0
     if not np.any(whole):
@@ -186,7 +185,7 @@ def _check_side(parameters: Parameters, placement: Placement) -> None:
 
 
 def _bounds(parameters: Parameters, radius: float, limit: float, most: float) -> tuple[float, float]:
-    """zmin and zmax in order, within +-limit; pbrt's defaults are most and -most of the radius."""
+    """zmin and zmax in order, within +-limit. pbrt's defaults are `most` and `-most` times the radius."""
     given = [parameters.number(name, value) for name, value in (("zmin", -most), ("zmax", most))]
     low, high = (min(max(value, -limit), limit) for value in (min(given), max(given)))
     return low, high
@@ -238,9 +237,8 @@ def _placed(geometry: Geometry, placement: Placement) -> Geometry:
 
 @singledispatch
 def place(geometry: Geometry, transform: Transform, emits: bool = False) -> Geometry:
-    """A shape under a transformation. What that stretches or shears becomes a `Quadric`.
-
-    emits: whether it is a light. A disk that is one keeps its side under a mirror.
+    """A shape under a transformation; a `Quadric` if that stretches or shears. emits: whether it is a light.
+    A disk that is one keeps its side under a mirror.
     """
     raise TypeError(f"no transformation is known for {type(geometry).__name__}")
 
@@ -295,7 +293,7 @@ def _(geometry: Quadric, transform: Transform, emits: bool = False) -> Quadric:
 
 
 def _moved(geometry: Quadric, transform: Transform) -> Quadric:
-    """The quadric under a transformation; on a hit pbrt turns the normal round under a mirror."""
+    """The quadric under a transformation. At hits pbrt turns the normal round under a mirror."""
     full = Transform(np.vstack([geometry.matrix, [0.0, 0.0, 0.0, 1.0]]), np.eye(4))
     matrix, g = (transform @ full).matrix[:3] + 0.0, geometry
     factor, axes = uniform_scale(matrix[:, :3]), orthonormal(matrix[:, :3])
@@ -314,7 +312,7 @@ def _moved(geometry: Quadric, transform: Transform) -> Quadric:
 
 
 def _normal(transform: Transform, n: Array) -> Array:
-    """The image of a normal, by the inverse transpose: (3,), unit."""
+    """The image of a normal by the inverse transpose: (3,), unit."""
     rows = transform.inverse
     return unit(rows[0, :3] * n[0] + rows[1, :3] * n[1] + rows[2, :3] * n[2])
 

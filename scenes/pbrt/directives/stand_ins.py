@@ -1,6 +1,7 @@
-"""Materials that are not simulated, as the diffuse one that is nearest: `subsurface`, `measured`, `hair`.
+"""Stand-ins for materials that are not simulated: the nearest diffuse one for `subsurface`, `measured` and
+`hair`.
 
-`--substitute` renders them, and each is told; without it they are refused.
+`--substitute` renders and lists them; without it they are refused.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def subsurface(parameters: Parameters) -> Diffuse | TexturedDiffuse:
 
 
 def _coefficient(parameters: Parameters, name: str) -> Array:
-    """A coefficient of a medium, (3,); pbrt's where it is a texture."""
+    """A coefficient of a medium, (3,); pbrt's default where it is a texture."""
     default = np.array(ABSORPTION if name == "sigma_a" else SCATTERING)
     parameter = parameters.take(name, "rgb", "spectrum", "texture")
     if parameter is None or parameter.type == "texture":
@@ -74,7 +75,7 @@ def measured(parameters: Parameters) -> Diffuse:
 
 
 def hair(parameters: Parameters) -> Diffuse:
-    """A diffuse material of the hair's colour; pbrt's fit [chiang2016] derives that colour from pigments."""
+    """A diffuse material of the hair's colour. pbrt's fit [chiang2016] derives that colour from pigments."""
     parameters.ignore()
     parameters.substitute("", 'Material "hair"', "as diffuse of its colour")
     for name in ("reflectance", "color"):

@@ -1,4 +1,4 @@
-"""Images that a scene names, for textures and lights, as pbrt-v4 reads, resizes and keeps them."""
+"""Images of textures and lights, as pbrt-v4 reads, resizes and keeps them."""
 
 from __future__ import annotations
 
@@ -68,9 +68,8 @@ def normals_of(builder: Builder, parameters: Parameters, name: str) -> Array:
 
 
 def means_of(builder: Builder, parameters: Parameters, name: str) -> Array:
-    """As `image_of`, for a light's image with one number a texel, (h, w): the mean of red, green and blue.
-
-    pbrt takes the mean in the precision of the file.
+    """The image of a light with one number a texel, (h, w): the mean of red, green and blue in the precision
+    of the file, as pbrt takes it.
     """
     from scenes.images.exr import texture_header
 
@@ -80,8 +79,8 @@ def means_of(builder: Builder, parameters: Parameters, name: str) -> Array:
 
 
 def single(image: Array) -> Array:
-    """Texels rounded to float32, which is what image files hold: a scene that is written out and read again
-    is the same to the bit.
+    """Texels rounded to float32, as image files hold them, so that a scene that is written and read again
+    keeps its bits.
     """
     return image.astype(np.float32).astype(np.float64)
 
@@ -89,8 +88,8 @@ def single(image: Array) -> Array:
 def _found(
     builder: Builder, parameters: Parameters, name: str, encoding: str, wrap: str | None, filter_: str
 ) -> Array:
-    """The texels, read or found among those read before. filter_: in lower case for numbers, "" for
-    colours.
+    """Texels of an image, kept from an earlier reading if there was one. filter_: in lower case for numbers,
+    "" for colours.
     """
     # Here, because most scenes name no images and OpenImageIO takes time.
     from scenes.images.exr import read_texels, texture_header
@@ -133,7 +132,7 @@ def _found(
 
 
 def _at(parameters: Parameters, name: str, read: Callable[[], T]) -> T:
-    """Call `read`; its PenumbraError becomes a SceneError at the parameter `name`."""
+    """The result of `read`, whose PenumbraError becomes a SceneError at the parameter `name`."""
     try:
         return read()
     except PenumbraError as error:
@@ -141,7 +140,7 @@ def _at(parameters: Parameters, name: str, read: Callable[[], T]) -> T:
 
 
 def _numbers(parameters: Parameters, texels: Array, filter_: str) -> Array:
-    """The channel that a texture of numbers takes, (h, w, 1), or the three whose mean it takes."""
+    """The channel of a texture of numbers, (h, w, 1), or the three of which it is the mean."""
     if texels.shape[2] == 1 or filter_ == "point":
         return texels[..., :1]
     opaque = texels.shape[2] == 3 or bool((texels[..., 3] == 1.0).all())

@@ -28,7 +28,7 @@ class TokenStream:
         self._tried = source, 0  # up to where no run of meshes begins
 
     def next(self) -> Token | None:
-        """The next token, of kind "end" where an imported file is over; None at the end."""
+        """The next token, of kind "end" at the end of an imported file; None at the end of all."""
         if self._peeked is not None:
             token, self._peeked = self._peeked, None
             return token
@@ -43,20 +43,20 @@ class TokenStream:
         return None
 
     def peek(self) -> Token | None:
-        """The next token, left where it is."""
+        """The next token, which stays the next."""
         if self._peeked is None:
             self._peeked = self.next()
         return self._peeked
 
     def required(self, owner: Token, wanted: str) -> Token:
-        """The next token; SceneError at `owner` where the file ends instead."""
+        """The next token. SceneError at `owner` if the file ends before it."""
         token = self.next()
         if token is None or token.kind == "end":
             raise SceneError(f"the file ends after {owner}, which needs {wanted}", owner.where)
         return token
 
     def run(self) -> Run | None:
-        """The plain numbers that stand here, if they are many; None: read the next token."""
+        """The plain numbers that stand here, if they are many; else None."""
         if self._peeked is not None or not self._stack:
             return None
         tokenizer = self._stack[-1][0]
@@ -66,7 +66,7 @@ class TokenStream:
         return run
 
     def meshes(self) -> MeshRun | None:
-        """The plain triangle meshes that stand here behind a `Shape`, if they are many."""
+        """The plain triangle meshes that follow a `Shape` here, if they are many."""
         if self._peeked is not None or not self._stack:
             return None
         tokenizer = self._stack[-1][0]
@@ -80,15 +80,15 @@ class TokenStream:
         return run
 
     def find(self, name: str, token: Token) -> Path:
-        """A file named in the scene, at `token`."""
+        """The path of a file that the scene names at `token`."""
         key = name, token.source.folder
         if key not in self._found:
             self._found[key] = self._files.find(name, token.source.folder, token.where)
         return self._found[key]
 
     def include(self, name: str, token: Token, end: Token | None = None) -> None:
-        """Continue with the file `name`, and give `end` when it is over; SceneError for cycles, depth and
-        what cannot be read.
+        """Continue with the file `name`, and give `end` after it. SceneError for cycles, depth and files that
+        cannot be read.
         """
         path = self.find(name, token)
         resolved = path.resolve()
@@ -108,10 +108,10 @@ class TokenStream:
         self._open.append(resolved)
 
     def share(self) -> float:
-        """How much of the main file is read, in [0, 1]."""
+        """The share of the main file that is read, in [0, 1]."""
         offset = self._stack[0][0].offset if self._stack else len(self._main.text)
         return offset / max(len(self._main.text), 1)
 
     def end(self) -> Location:
-        """The end of the main file, for what is missing from it."""
+        """The end of the main file, the place of whatever is missing."""
         return self._main.location(len(self._main.text))

@@ -16,7 +16,7 @@ RETRY = 4  # tokens
 
 
 class Syntax:
-    """Reads what follows a directive's name. space: the `ColorSpace` of the moment."""
+    """Reader of the parts of a directive after its name. space: the current `ColorSpace`."""
 
     def __init__(
         self, tokens: TokenStream, bindings: Bindings, report: Report, space: Callable[[], str]
@@ -41,7 +41,7 @@ class Syntax:
         return token.text
 
     def numbers(self, owner: Token, count: int) -> list[float]:
-        """`count` numbers, in brackets if there are 16 of them."""
+        """`count` numbers; 16 of them stand in brackets."""
         if count == 16:
             opening = self.tokens.required(owner, "numbers in brackets")
             if opening.kind != "[":
@@ -54,7 +54,7 @@ class Syntax:
         return values.array(self._bindings.number).tolist()
 
     def parameters(self, owner: Token, defaults: Sequence[Parameter] = ()) -> Parameters:
-        """The parameter list of a directive; defaults: what `Attribute` said for it."""
+        """The parameter list of a directive. defaults: parameters that `Attribute` gave for it."""
         where = owner.where
         return Parameters(
             owner.text,

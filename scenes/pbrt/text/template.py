@@ -29,8 +29,8 @@ Values = Mapping[str, float | int]  # both: run-time checks of types do not take
 
 @dataclass(frozen=True)
 class Interval:
-    """The values that a parameter may have, from `low` to `high`; `above`: not `low` itself, `below`: not
-    `high` itself.
+    """The range of a parameter, from `low` to `high`. above, below: whether `low` or `high` itself is
+    excluded.
     """
 
     low: float = -math.inf
@@ -44,7 +44,7 @@ class Interval:
         return over and under
 
     def brackets(self) -> str:
-        """As a header declares it: (0, 20] is above 0 and at most 20."""
+        """The range as a header declares it: (0, 20] is above 0 and at most 20."""
         return f"{'(' if self.above else '['}{self.low:g}, {self.high:g}{')' if self.below else ']'}"
 
     def __str__(self) -> str:
@@ -58,9 +58,7 @@ ANY = Interval()
 
 @dataclass(frozen=True)
 class TemplateParameter:
-    """One `$name` of a template: its default, in words with units its meaning, and which values make
-    sense.
-    """
+    """One `$name` of a template: default, range, and meaning with its unit."""
 
     name: str
     default: float
@@ -71,7 +69,7 @@ class TemplateParameter:
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """The comment that opens a scene file. title: its first line. end: the offset at which it is over."""
+    """The comment that opens a scene file. title: its first line. end: the offset after it."""
 
     title: str
     doc: str
@@ -80,7 +78,7 @@ class Header:
 
 
 def read_header(source: Source) -> Header:
-    """Read the comment lines before the first directive; SceneError on a bad or a repeated declaration."""
+    """Read the comment lines before the first directive. SceneError for a bad or repeated declaration."""
     lines: list[str] = []
     parameters: dict[str, TemplateParameter] = {}
     offset = 0
@@ -117,7 +115,7 @@ def _declaration(text: str, where: Location) -> TemplateParameter:
 
 
 class Bindings:
-    """The values of a template's parameters while its text is read; remembers which of them the text used."""
+    """Values of a template's parameters while its text is read, with a record of those in use."""
 
     def __init__(self, header: Header, given: Values) -> None:
         self._declared = header.parameters
@@ -140,9 +138,7 @@ class Bindings:
         self.values[name] = float(value)
 
     def number(self, token: Token) -> float:
-        """The finite number that a word stands for, itself a number or `$name`; SceneError at the word
-        otherwise.
-        """
+        """The finite number of a word, which is a number or `$name`. SceneError at any other word."""
         if token.kind == "word" and token.text.startswith("$"):
             return self._substitute(token)
         if token.kind != "word" or NUMBER.fullmatch(token.text) is None:
@@ -164,7 +160,7 @@ class Bindings:
         return self.values[name]
 
     def check_used(self) -> None:
-        """SceneError if a declared parameter is used nowhere: setting it would change nothing."""
+        """Raise SceneError if a declared parameter is never used, since setting it would change nothing."""
         for parameter in self._declared:
             if parameter.name not in self._used:
                 raise SceneError(f"${parameter.name} is declared but never used", parameter.where)

@@ -142,8 +142,8 @@ def _film(film: Film, camera: Camera, name: str) -> list[str]:
 
 
 def _written(scene: SceneDescription) -> RenderDefaults:
-    """The defaults that the text can tell: without light sampling pbrt would lose the lights that no
-    direction finds.
+    """The defaults that the text can express. Without light sampling pbrt would lose lights that no direction
+    meets.
     """
     lost = scene.defaults.estimator in SIMPLE_PATH and not all(light.surrounds for light in scene.lights)
     return replace(scene.defaults, estimator=None) if lost else scene.defaults

@@ -1,4 +1,4 @@
-"""The images that go beside pbrt-v4 text."""
+"""Image files beside pbrt-v4 text."""
 
 from __future__ import annotations
 

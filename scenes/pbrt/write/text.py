@@ -16,18 +16,18 @@ WRAP = 12  # numbers a line
 
 
 def comment(text: str) -> str:
-    """`text` on one line, "scene" where there is none."""
+    """`text` on one line; "scene" if it is empty."""
     return " ".join(text.split()) or "scene"
 
 
 def quoted(text: str) -> str:
-    """A string of pbrt's, in its quotes."""
+    """A string in pbrt's quotes."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\r", "\\r")
     return f'"{escaped}"'
 
 
 def numbers(values: Array) -> str:
-    """Numbers apart by spaces."""
+    """Numbers, separated by spaces."""
     return " ".join(repr(value) for value in values.ravel().tolist())
 
 
@@ -46,8 +46,8 @@ def matrix(directive: str, linear: Array) -> str:
 
 
 def rotation(linear: Array, what: str) -> str:
-    """`ConcatTransform` of orthonormal axes, which are read back to the bit; PenumbraError naming `what`
-    where they are not.
+    """`ConcatTransform` of orthonormal axes, which are read back bit for bit. PenumbraError, naming `what`,
+    for other axes.
     """
     check_orthonormal(linear, what)
     return matrix("ConcatTransform", linear)
@@ -59,8 +59,8 @@ def is_orthonormal(linear: Array) -> bool:
 
 
 def check_orthonormal(linear: Array, what: str) -> None:
-    """PenumbraError unless the columns are orthonormal up to rounding, as those of every scene file are
-    made.
+    """Raise PenumbraError unless the columns are orthonormal up to rounding, as those of every scene file
+    are.
     """
     if not is_orthonormal(linear):
         raise PenumbraError(f"{what} axes are not orthonormal: there is no exact pbrt text for them")
