@@ -49,12 +49,12 @@ def explain(
     """
     from pipeline.console.console import Console
     from renderer import build
-    from renderer.plan.plan import make_plan
+    from renderer.plan.plan import PRUNINGS, make_plan
 
     console = Console(as_json=as_json, quiet=quiet)
     built = build(open_scene(scene, define, console, strict, substitute))
     decisions = make_plan(built).decisions
-    idle = list(dict.fromkeys(d.pruning for d in decisions if not d.needed))
+    idle = list(dict.fromkeys(d.pruning for d in decisions if not d.needed and d.pruning in PRUNINGS))
     found = _measure(built, idle, estimator, spp, console) if measure else {}
     rows = [(d.effect, "simulated" if d.needed else "left out", d.reason) for d in decisions]
     if measure:

@@ -22,9 +22,11 @@ from renderer.build import RenderScene
 from renderer.geometry.cutouts import Perforated
 from renderer.geometry.triangles import Triangles
 from renderer.interfaces.light import Source
+from renderer.interfaces.material import Lobes
 from renderer.math.vectors import Floats
 from renderer.plan.proofs import blocks, crosses, extents, provable, reach
 from renderer.records import SurfaceHit
+from scenes.description.materials import MixedMaterial
 from scenes.description.shapes import ShapeDescription
 
 PRUNINGS = ("emission", "reach", "occlusion", "blockers", "horizon")
@@ -86,8 +88,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         *_occlusion(scene, proved),
         _blockers(proved.blockers),
         _horizon(proved.crosses),
-        *_shading_normals(scene),
-        *_alpha(scene),
+        *_surfaces(scene),
     )
     in_view = (
         visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
@@ -234,18 +235,24 @@ def _blockers(blockers: Bools) -> Decision:
     return Decision("all shapes in shadow tests", idle == 0, reason, "blockers")
 
 
-def _shading_normals(scene: RenderScene) -> list[Decision]:
-    if scene.shading_normals is None and scene.reliefs is None:
-        return []
-    reason = f"{int(scene.smooth.sum())} of {len(scene)} shapes have vertex normals, normal maps or bumps"
-    return [Decision("shading normals", True, reason, "none")]
-
-
-def _alpha(scene: RenderScene) -> list[Decision]:
-    if scene.cutouts is None:
-        return []
-    reason = f"{len(scene.cutouts.alphas)} of {len(scene)} shapes have an alpha"
-    return [Decision("holes in surfaces", True, reason, "none")]
+def _surfaces(scene: RenderScene) -> Iterable[Decision]:
+    """Effects that only some surfaces have: their stages run where a scene has such a surface, and nowhere
+    else.
+    """
+    shapes = scene.description.shapes
+    mixed = [isinstance(s.material, MixedMaterial) for s in shapes]
+    kinds = {
+        "shading normals": (scene.smooth, "vertex normals, normal maps or bumps"),
+        "holes in surfaces": ([s.alpha is not None for s in shapes], "an alpha"),
+        "delta lobes": ((scene.lobes & Lobes.SPECULAR) != 0, "a mirror or smooth glass in their material"),
+        "light through surfaces": (scene.transmits, "a material that transmits"),
+        "texture coordinates": ([s.needs_uv for s in shapes], "something that varies over their surface"),
+        "choice of materials": (mixed, "a mix of materials"),
+    }
+    for effect, (some, what) in kinds.items():
+        count = int(np.count_nonzero(some))
+        reason = f"{count} of {len(shapes)} shapes have {what}" if count else f"no shape has {what}"
+        yield Decision(effect, count > 0, reason, "none")
 
 
 def _horizon(crosses: bool) -> Decision:
