@@ -212,3 +212,52 @@ def test_one_sky_is_itself():
 def test_skies_that_no_portal_has(sky: Environment, words: str):
     with pytest.raises(SceneError, match=words):
         LIGHTS["portal"].make([PortalLight(sky, CORNERS)], [0])
+
+
+def test_portals_are_pbrt_s() -> None:
+    """PortalImageInfiniteLight of src/pbrt/lights.h and lights.cpp, by its own formulas, point by point.
+
+    Catches a frame whose axes are swapped, a window from the wrong corners, weights at texels' corners, and a
+    density without the Jacobian: each is off by more than 1 % somewhere.
+    """
+    n = 32
+    sky = sky_of(n)
+    lights = portal(sky)
+    x, y = (CORNERS[i] - CORNERS[0] for i in (3, 1))  # Frame::FromXY(p03, p01)
+    x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
+    z = np.cross(x, y)
+
+    def render_from_image(u: float, v: float) -> tuple[np.ndarray, float]:
+        w = np.array([np.tan(np.pi * (u - 0.5)), np.tan(np.pi * (v - 0.5)), 1.0])
+        w /= np.linalg.norm(w)
+        return w[0] * x + w[1] * y + w[2] * z, np.pi**2 * (1 - w[0] ** 2) * (1 - w[1] ** 2) / w[2]
+
+    def image_from_render(w: np.ndarray) -> np.ndarray:
+        return 0.5 + np.array([np.arctan2(w @ x, w @ z), np.arctan2(w @ y, w @ z)]) / np.pi
+
+    middle = (np.arange(n) + 0.5) / n
+    texels = np.array(
+        [[smooth(TURN.T @ render_from_image(u, v)[0][:, None])[:, 0] for u in middle] for v in middle]
+    )
+    weights = np.array([[lights.radiance[n * j + i].mean() * render_from_image(u, v)[1]
+                         for i, u in enumerate(middle)] for j, v in enumerate(middle)])  # fmt: skip
+    # Between texels of a smooth sky, and across edges of its map: axes swapped would be off by up to 1.
+    np.testing.assert_allclose(lights.radiance.reshape(n, n, 3), texels, atol=0.1)
+    p = POINTS[0]
+    low, high = (image_from_render(CORNERS[i] - p) for i in (0, 2))
+    edges = np.arange(n + 1) / n
+    share = [
+        np.diff(np.clip(edges, low[i], high[i])) * n for i in range(2)
+    ]  # of each texel inside the window
+    total = (weights * share[1][:, None] * share[0]).sum() / n**2
+    technique = lights.techniques["environment"]
+    for place in low + (high - low) * np.random.default_rng(4).random((40, 2)):
+        w, stretch = render_from_image(*place)
+        i, j = (np.minimum(place * n, n - 1)).astype(int)
+        row = np.zeros(1, dtype=np.int64)
+        seen = lights.radiance_along(row, p[:, None], w[:, None])[:, 0]
+        np.testing.assert_allclose(seen, lights.radiance[n * j + i], rtol=1e-12)
+        pdf = technique.pdf_direction(row, p[:, None], UP[:, None], w[:, None])[0]
+        np.testing.assert_allclose(pdf, weights[j, i] / total / stretch, rtol=1e-9)
+    outside, _ = render_from_image(*(high + 0.01))
+    assert not lights.radiance_along(np.zeros(1, dtype=np.int64), p[:, None], outside[:, None]).any()
