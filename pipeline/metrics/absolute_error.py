@@ -8,21 +8,18 @@ import numpy as np
 
 from pipeline.scoring.absolute_error import absolute_score
 from pipeline.scoring.answers import same_size
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Measured, Metric, Reference
 
 FLOOR = 0.01  # radiance
 
 
 @final
-class Mae:
+class Mae(Metric):
     """Mean over pixels and channels of |estimate - reference| (imgtool's MAE [pharr2023])."""
 
     name = "mae"
     title = "MAE"
     unit = "W/(m² sr)"
-    better: Better = "lower"
-    judges: Judges = "error"
-    squares = False
     source = "[pharr2023], the program's Image::MAE"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -30,7 +27,7 @@ class Mae:
 
 
 @final
-class Smape:
+class Smape(Metric):
     """Mean over pixels and channels of |a - r| / (|a| + |r| + 0.01), 0 to 1, a denoiser's loss [vogels2018].
 
     Other programs halve the denominator (0 to 2) or omit the 0.01. A bright outlier counts 1 at most, and so
@@ -40,9 +37,6 @@ class Smape:
     name = "smape"
     title = "SMAPE, |d| / (|a| + |r| + 0.01)"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
-    squares = False
     source = "[vogels2018]"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

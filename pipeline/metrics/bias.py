@@ -8,13 +8,23 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import (
+    METRICS,
+    Better,
+    Estimate,
+    Image,
+    Judges,
+    Mask,
+    Measured,
+    Metric,
+    Reference,
+)
 from pipeline.scoring.spread import standard_error
 from pipeline.statistics.intervals import NORMAL
 
 
 @final
-class Bias:
+class Bias(Metric):
     """Mean over pixels and channels of estimate - reference; an unbiased estimator's interval covers 0.
 
     The interval is normal, from the variances of both sides with channels taken as fully correlated. Without
@@ -28,7 +38,6 @@ class Bias:
     unit = "W/(m² sr)"
     better: Better = "zero"
     judges: Judges = "bias"
-    squares = False
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -10,14 +10,14 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Image, Mask, Measured, Metric, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE
 from pipeline.scoring.tone import displayed, exposure, shown_noise
 
 
 @final
-class Ciede2000:
+class Ciede2000(Metric):
     """Mean CIEDE2000 colour difference [sharma2005] of the displayed pictures' pixels, white point D65.
 
     Exposed for the reference, sRGB, clipped to [0, 1]. About 1 is just noticeable side by side. It compares
@@ -30,9 +30,6 @@ class Ciede2000:
     name = "ciede2000"
     title = "CIEDE2000 (sRGB, exposed for the reference)"
     unit = "ΔE00"
-    better: Better = "lower"
-    judges: Judges = "error"
-    squares = False
     source = "[sharma2005]; colour-science, delta_E_CIE2000"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

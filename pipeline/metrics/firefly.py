@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Judges, Mask, Measured, Metric, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.tone import luminance
 from pipeline.statistics.numerics import box_maximum
@@ -18,7 +18,7 @@ REACH = 3  # pixels: the neighbourhood is 3 x 3
 
 
 @final
-class Firefly:
+class Firefly(Metric):
     """Luminance beyond twice the reference's greatest within 3 x 3 pixels, as a share of all its luminance.
 
     In lit parts an excess of 100 % is a firefly, in the umbra any light is. With bounded weights it falls to
@@ -30,9 +30,7 @@ class Firefly:
     name = "firefly"
     title = "Firefly energy"
     unit = "of the light"
-    better: Better = "lower"
     judges: Judges = "defects"
-    squares = False
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -18,7 +18,7 @@ import numpy as np
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
 from pipeline.scoring.flip_library import error_map
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Image, Mask, Measured, Metric, Reference
 from pipeline.scoring.tone import displayed, exposure, lit_luminance
 
 WHITE = 0.85  # the tone mapper's output at the ends of the range of exposures
@@ -28,7 +28,7 @@ LARGEST = 1e30  # radiance; times 2^26 it still fits float32
 
 
 @final
-class Flip:
+class Flip(Metric):
     """Mean of the HDR-FLIP error map at 67 pixels a degree, ACES tone mapping: 0 (equal) to 1.
 
     Negative radiance counts as 0. A black reference sets no exposure: a black estimate scores 0 against it,
@@ -38,9 +38,6 @@ class Flip:
     name = "flip"
     title = "HDR-FLIP"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
-    squares = False
     source = "[andersson2021]; flip-evaluator 1.7"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -59,7 +56,7 @@ class Flip:
 
 
 @final
-class FlipLdr:
+class FlipLdr(Metric):
     """Mean of the FLIP error map [andersson2020] at 67 pixels a degree of the displayed pictures: 0 to 1.
 
     Exposed for the reference, sRGB, clipped to [0, 1]: differences above white do not count. `flip` covers a
@@ -69,9 +66,6 @@ class FlipLdr:
     name = "flip-ldr"
     title = "LDR-FLIP (sRGB, exposed for the reference)"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
-    squares = False
     source = "[andersson2020]; flip-evaluator 1.7"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -8,12 +8,12 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import measured, same_size, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Judges, Mask, Measured, Metric, Reference
 from pipeline.statistics.heavy_tail import SHARE_LIMIT
 
 
 @final
-class LargestShare:
+class LargestShare(Metric):
     """The largest sample of reflected light over the sum of all, 0 to 1, the greatest over channels.
 
     At a tenth, a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds their
@@ -26,9 +26,7 @@ class LargestShare:
     name = "largest-share"
     title = "Largest sample's share"
     unit = "1"
-    better: Better = "lower"
     judges: Judges = "samples"
-    squares = False
     source = "statistics/heavy_tail.py"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

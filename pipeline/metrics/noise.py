@@ -8,12 +8,12 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Image, Judges, Mask, Measured, Metric, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 
 
 @final
-class Noise:
+class Noise(Metric):
     """Root mean square over pixels and channels of the standard error of the mean.
 
     It needs two independent samples a pixel. Beside `rmse` it tells bias from noise: an unbiased render's
@@ -24,9 +24,7 @@ class Noise:
     name = "noise"
     title = "Noise (own standard error)"
     unit = "W/(m² sr)"
-    better: Better = "lower"
     judges: Judges = "samples"
-    squares = False
     source = "[pharr2023] sec. 2.1.3"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

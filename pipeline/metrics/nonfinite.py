@@ -8,19 +8,17 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import measured
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Image, Judges, Mask, Measured, Metric, Reference
 
 
 @final
-class NonFinite:
+class NonFinite(Metric):
     """The number of the estimate's pixels with an infinite or undefined channel; the map is 1 there."""
 
     name = "nonfinite"
     title = "Non-finite pixels"
     unit = "pixels"
-    better: Better = "lower"
     judges: Judges = "defects"
-    squares = False
     source = "IEEE 754"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -10,14 +10,14 @@ from skimage.metrics import peak_signal_noise_ratio
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Better, Estimate, Mask, Measured, Metric, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
 from pipeline.scoring.tone import displayed, exposure, shown_noise
 
 
 @final
-class Psnr:
+class Psnr(Metric):
     """10 log10(1 / MSE) of the displayed pictures: exposed for the reference, sRGB, clipped to [0, 1].
 
     The interval is that of the displayed pictures' MSE, taken through the logarithm; equal pictures score
@@ -30,8 +30,6 @@ class Psnr:
     title = "PSNR (sRGB, exposed for the reference)"
     unit = "dB"
     better: Better = "higher"
-    judges: Judges = "error"
-    squares = False
     source = "scikit-image, peak_signal_noise_ratio"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Image, Mask, Measured, Metric, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.scoring.squared_error import BELOW_NOISE, NOISE_SHARE, within_bound
 from pipeline.statistics.intervals import NORMAL
@@ -18,7 +18,7 @@ TRIMMED = 0.001  # of all values, a pixel having three
 
 
 @final
-class RelMseTrimmed:
+class RelMseTrimmed(Metric):
     """Mean of d^2 / (r^2 + 0.01) without the largest 0.1 % of its values, less the reference's variance.
 
     Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963].
@@ -32,8 +32,6 @@ class RelMseTrimmed:
     name = "relmse-trimmed"
     title = "relMSE without the worst 0.1 %"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
     squares = True
     source = "[tukey1963]; simpleimageio 1.13, relative_mse_outlier_rejection"
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Mask, Measured, Metric, Reference
 from pipeline.scoring.squared_error import squared_error, to_score, weighted_score
 
 FLOOR = 0.01  # squared radiance; keeps a pixel in the umbra from counting without limit, and lets it count
@@ -22,14 +22,12 @@ IMGTOOL_FLOOR = 0.01  # radiance
 
 
 @final
-class Mse:
+class Mse(Metric):
     """Mean over pixels and channels of (estimate - reference)^2 - variance of the reference."""
 
     name = "mse"
     title = "MSE"
     unit = "(W/(m² sr))²"
-    better: Better = "lower"
-    judges: Judges = "error"
     squares = True
     source = "[pharr2023] sec. 2.1.4"
 
@@ -38,7 +36,7 @@ class Mse:
 
 
 @final
-class Rmse:
+class Rmse(Metric):
     """sqrt(MSE); the interval's ends are the roots of the MSE's.
 
     Its map is the root mean square over channels of the difference, the reference's noise included.
@@ -47,9 +45,6 @@ class Rmse:
     name = "rmse"
     title = "RMSE"
     unit = "W/(m² sr)"
-    better: Better = "lower"
-    judges: Judges = "error"
-    squares = False
     source = "[pharr2023] sec. 2.1.4"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
@@ -68,7 +63,7 @@ class Rmse:
 
 
 @final
-class RelMse:
+class RelMse(Metric):
     """Mean of ((estimate - r)^2 - variance of r) / (r^2 + 0.01), r the reference.
 
     Other programs write relMSE for other denominators (see `relmse-imgtool`, `relmse-simpleimageio`, also
@@ -80,8 +75,6 @@ class RelMse:
     name = "relmse"
     title = "relMSE, d² / (r² + 0.01)"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
     squares = True
     source = "simpleimageio 1.13's default floor; every channel counts"
 
@@ -90,7 +83,7 @@ class RelMse:
 
 
 @final
-class RelMseImgtool:
+class RelMseImgtool(Metric):
     """Mean of ((estimate - r)^2 - variance of r) / (r + 0.01)^2, as `imgtool diff --metric MRSE` has it.
 
     pbrt-v4's Image::MRSE [pharr2023]. In the umbra it divides by 1e-4, a hundred times less than `relmse`.
@@ -102,8 +95,6 @@ class RelMseImgtool:
     name = "relmse-imgtool"
     title = "relMSE of pbrt's imgtool, d² / (r + 0.01)²"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
     squares = True
     source = "[pharr2023], the program's Image::MRSE"
 
@@ -112,7 +103,7 @@ class RelMseImgtool:
 
 
 @final
-class RelMseSimpleImageIo:
+class RelMseSimpleImageIo(Metric):
     """Mean of ((estimate - r)^2 - variance of r) / (r^2 + 0.01), where a channel with r = 0 counts 0.
 
     SimpleImageIO's `relative_mse`, measured in version 1.13, whose outlier-rejecting variant does the same.
@@ -122,8 +113,6 @@ class RelMseSimpleImageIo:
     name = "relmse-simpleimageio"
     title = "relMSE of simpleimageio, d² / (r² + 0.01) where r is not 0"
     unit = "1"
-    better: Better = "lower"
-    judges: Judges = "error"
     squares = True
     source = "simpleimageio 1.13, relative_mse"
 

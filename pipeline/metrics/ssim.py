@@ -10,7 +10,7 @@ from skimage.metrics import structural_similarity
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Better, Estimate, Image, Mask, Measured, Metric, Reference
 from pipeline.scoring.tone import displayed, exposure
 
 WINDOW = 11  # pixels; a gaussian of standard deviation 1.5, cut at 3.5 of them
@@ -18,7 +18,7 @@ BORDER = (WINDOW - 1) // 2
 
 
 @final
-class Ssim:
+class Ssim(Metric):
     """SSIM [wang2004] of the displayed pictures: exposed for the reference, sRGB, clipped to [0, 1].
 
     Gaussian window of 1.5 pixels, K1 = 0.01, K2 = 0.03, data range 1; mean over channels and over all pixels
@@ -30,8 +30,6 @@ class Ssim:
     title = "SSIM (sRGB, exposed for the reference)"
     unit = "1"
     better: Better = "higher"
-    judges: Judges = "error"
-    squares = False
     source = "[wang2004]; scikit-image, structural_similarity"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

@@ -8,13 +8,13 @@ import numpy as np
 
 from pipeline.schema.record import Score
 from pipeline.scoring.answers import defect, measured, undefined
-from pipeline.scoring.metric import METRICS, Better, Estimate, Judges, Mask, Measured, Reference
+from pipeline.scoring.metric import METRICS, Estimate, Judges, Mask, Measured, Metric, Reference
 from pipeline.scoring.spread import scale_interval, standard_error
 from pipeline.statistics.numerics import box_maximum
 
 
 @final
-class UmbraLeak:
+class UmbraLeak(Metric):
     """Sum of |estimate| over the umbra, over the sum of the reference: 0 for a correct shadow test.
 
     Every sample in the umbra is blocked: any light there is an error of the renderer, such as an epsilon or a
@@ -26,9 +26,7 @@ class UmbraLeak:
     name = "umbra-leak"
     title = "Umbra leak"
     unit = "of the light"
-    better: Better = "lower"
     judges: Judges = "defects"
-    squares = False
     source = "this program's own"
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:

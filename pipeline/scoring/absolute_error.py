@@ -1,6 +1,6 @@
 """Means of absolute differences, plain or relative.
 
-No variance can be subtracted from them: the reference's noise makes them bounds.
+The reference's variance cannot be subtracted from them: its noise makes them upper bounds.
 """
 
 from __future__ import annotations

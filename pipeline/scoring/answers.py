@@ -1,4 +1,4 @@
-"""The answers that metrics share: a score over masks, and why there is none."""
+"""Answers that metrics share: a score over masks, or the reason why there is no score."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from scenes.errors import PenumbraError
 
 
 def measured(shape: tuple[int, ...], over: Callable[[Mask], Score], map: Image | None = None) -> Measured:
-    """A metric's answer from its score over a mask. shape: of the image, (h, w) or (h, w, 3)."""
+    """A metric's answer. shape: of the image, (h, w) or (h, w, 3). over: its score over a mask (h, w)."""
     return Measured(over(np.ones(shape[:2], dtype=np.bool_)), over, map)
 
 
 def undefined(metric: str, note: str) -> Measured:
-    """The answer of a metric that has no value, in the image or in any region; `note` says why."""
+    """The answer of a metric without a value, neither for the image nor for any region; `note` says why."""
     score = Score(metric=metric, value=None, note=note)
 
     def over(mask: Mask) -> Score:
@@ -32,7 +32,7 @@ def nonfinite_pixels(image: Image) -> int:
 
 
 def same_size(estimate: Estimate, reference: Reference) -> None:
-    """PenumbraError where the two differ in size."""
+    """Raise PenumbraError if the two differ in size."""
     if estimate.mean.shape != reference.mean.shape:
         raise PenumbraError(
             f"images of different sizes: {_size(estimate.mean)} against a reference of "
@@ -41,7 +41,7 @@ def same_size(estimate: Estimate, reference: Reference) -> None:
 
 
 def defect(estimate: Estimate, reference: Reference) -> str | None:
-    """Why these two cannot be compared, or None. Raises PenumbraError where their sizes differ."""
+    """Say why the two cannot be compared; None if they can. PenumbraError if their sizes differ."""
     same_size(estimate, reference)
     for image, whose in ((estimate.mean, "the estimate"), (reference.mean, "the reference")):
         if count := nonfinite_pixels(image):

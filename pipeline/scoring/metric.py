@@ -1,4 +1,4 @@
-"""The protocol of a metric, its arguments and its answer."""
+"""The protocol of a metric, with the images that it compares and the scores that it returns."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Judges = Literal["error", "bias", "samples", "defects"]
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An image under test, and what is known of its samples: None where only an image was given.
+    """An image under test. Its statistics are None if only an image was given.
 
-    mean: (h, w, 3). variance: (h, w, 3) of the mean. count: (h, w), samples a pixel. maximum: (h, w, 3), the
+    mean: (h, w, 3). variance: (h, w, 3), of the mean. count: (h, w), samples a pixel. maximum: (h, w, 3), the
     largest sample of reflected light of each pixel and channel.
     """
 
@@ -36,8 +36,8 @@ class Estimate:
 class Reference:
     """The image that an estimate is measured against.
 
-    mean, variance (of the mean): (h, w, 3). batches: how many the variance comes from; 0: the reference is
-    deterministic, and the variance is the square of its error bound. umbra: (h, w), the pixels that no light
+    mean, variance (of the mean): (h, w, 3). batches: the number behind the variance; with 0 the reference is
+    deterministic, and its variance is the square of an error bound. umbra: (h, w), the pixels that no light
     reaches; None without a visibility pass.
     """
 
@@ -49,9 +49,10 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """score: of the whole image. over: the score of the pixels of a mask (h, w) with at least one pixel.
+    """The answer of a metric.
 
-    map: (h, w), where the metric has one; it is computed once, however many regions are asked for.
+    score: of the whole image. over: gives the score over a mask (h, w) with at least one pixel. map: (h, w),
+    the error of each pixel, or None; it is computed once, however many regions are scored.
     """
 
     score: Score
@@ -61,26 +62,24 @@ class Measured:
 
 @runtime_checkable
 class Metric(Protocol):
-    """A figure of merit. better: the good direction, "zero" if either sign is bad. source: who defines it.
+    """A figure of merit.
 
-    judges: "error" grows with any difference, noise or bias; "bias" is a mean of signed differences, in which
-    noise averages out; "samples" asks the estimate's own samples and not the reference; "defects" counts
-    artefacts. squares: whether the score is a mean of squares with the reference's noise subtracted.
+    better: the good direction; "zero" if either sign is bad. judges: "error" grows with any difference, noise
+    or bias; "bias" is a mean of signed differences, in which noise averages out; "samples" judges the
+    estimate's own samples without the reference; "defects" counts artefacts. squares: whether the score is a
+    mean of squares with the reference's noise subtracted. source: the definition.
     """
 
     name: str
     title: str
     unit: str
-    better: Better
-    judges: Judges
-    squares: bool
+    better: Better = "lower"
+    judges: Judges = "error"
+    squares: bool = False
     source: str
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Measured:
-        """Score `estimate` against `reference`; both (h, w, 3).
-
-        Raises PenumbraError where their sizes differ.
-        """
+        """Score `estimate` against `reference`; PenumbraError if their sizes differ."""
         ...
 
 

@@ -13,16 +13,16 @@ from pipeline.scoring.metric import METRICS, Estimate, Mask, Measured, Reference
 def score(
     estimate: Estimate, reference: Reference, names: Iterable[str] | None = None
 ) -> dict[str, Measured]:
-    """Each metric's answer by its name; names: in this order, every metric if None.
+    """Score an image by the named metrics, in their order, or by all of them; returns their answers by name.
 
-    PenumbraError for an unknown name, and where the two images differ in size.
+    PenumbraError for an unknown name, and for images of different sizes.
     """
     chosen = METRICS.names() if names is None else list(names)
     return {name: METRICS[name](estimate, reference) for name in chosen}
 
 
 def score_regions(measured: Mapping[str, Measured], masks: Mapping[str, Mask]) -> dict[str, RegionScores]:
-    """Each metric's score of each region. masks: (h, w), each with at least one pixel."""
+    """The scores of all metrics over each region. masks: (h, w), each with at least one pixel."""
     return {
         region: RegionScores(
             pixels=int(np.count_nonzero(mask)),

@@ -30,10 +30,11 @@ BELOW_NOISE = "below reference noise"
 
 @dataclass(frozen=True, eq=False)
 class SquaredError:
-    """value with its 95 % interval. bound: value is the upper end. note: why it is a bound, or None.
+    """A mean squared error with its 95 % interval.
 
-    map: (h, w), q of each pixel, negative where the estimate is closer to the reference than that one's own
-    noise. Its mean is the measured error, which `value` is unless it is a bound.
+    value: the mean of `map`, or the interval's upper end if `bound`; None if undefined. note: why it is a
+    bound or undefined. map: (h, w), q of each pixel, negative where the estimate is closer to the reference
+    than the reference's own noise.
     """
 
     value: float | None
@@ -47,10 +48,9 @@ class SquaredError:
 def squared_error(
     estimate: Estimate, reference: Reference, weight: Image | float = 1.0, mask: Mask | None = None
 ) -> SquaredError:
-    """The mean over the pixels of a mask and channels of weight * (d^2 - v), with its interval.
+    """The mean of weight * (d^2 - v) over channels and the pixels of a mask, with its interval.
 
-    weight: (h, w, 3) or one for all. mask: (h, w), all pixels if not given. All pixels must be finite (see
-    `answers.defect`).
+    weight: (h, w, 3), or one for all. mask: (h, w); all pixels if None. All pixels must be finite.
     """
     raw: Image = np.mean((estimate.mean - reference.mean) ** 2 * weight, axis=-1)
     noise: Image = np.mean(reference.variance * weight, axis=-1)

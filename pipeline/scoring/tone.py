@@ -21,7 +21,7 @@ def luminance(image: Image) -> Image:
 
 
 def lit_luminance(reference: Image) -> Image | None:
-    """The luminances of the lit pixels, (n,), None where there is none. reference: (h, w, 3)."""
+    """The positive luminances (n,) of an image (h, w, 3); None if it is black."""
     values = luminance(reference)
     lit = values[values > 0]
     return lit if lit.size else None
@@ -34,18 +34,18 @@ def exposure(reference: Image) -> float:
 
 
 def clipped(image: Image, scale: float) -> Image:
-    """Scaled and clipped to [0, 1], still linear. image: (h, w, 3)."""
+    """Scale an image (h, w, 3) and clip it to [0, 1]; it stays linear."""
     return np.clip(image * scale, 0.0, 1.0)
 
 
 def displayed(image: Image, scale: float) -> Image:
-    """Scaled, clipped and sRGB-encoded [iec61966]: (h, w, 3) linear RGB -> (h, w, 3) in [0, 1]."""
+    """Scale linear RGB (h, w, 3), clip it to [0, 1] and encode it as sRGB [iec61966]."""
     linear = clipped(image, scale)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def shown_noise(reference: Reference, scale: float, mask: Mask) -> float:
-    """Mean square over a mask (h, w) of one standard error of the reference, as displayed.
+    """Mean square over a mask (h, w) of the reference's standard error, as displayed.
 
     The larger of a shift up and a shift down counts: at the display's white a shift up is clipped away.
     """

@@ -1,24 +1,23 @@
-"""The mean of few large samples against a known mean: a test that does not use the samples' own variance.
+"""A test of a mean of few large samples against a known mean, without the samples' own variance.
 
-Where a few large samples of unknown rarity make up the light, the samples' variance is no help: a region that
-met none has no variance at all, and a test that divides by it rejects the truth with certainty. Known is how
-large samples get: n independent draws from [0, w] (or [v, w], measured
-from v) of mean m come to a mean as far off as s with a probability of at most
+A few large, rare samples may make up all the light of a region. If the region met none of them its variance
+is 0, and a test that divides by it rejects the truth with certainty. But the size of samples is known: n
+independent draws from [0, w] (or [v, w], measured from v) of mean m have a mean as far off as s with a
+probability of at most
 
     2 exp(-n [s/w ln(s/m) + (1 - s/w) ln((1 - s/w) / (1 - m/w))])
 
-whatever their distribution is, and also if each has one of its own (Hoeffding [hoeffding1963], Theorem 1).
-Where a region met no light it comes to (1 - m/w)^n: the chance of meeting none of the n m / w samples of the
-largest kind that make up the region's light. Where the truth is black any light at all rejects; where no draw
-of the whole image met any, nothing is known of w and nothing is tested; where it is nearly black, light that
-would have to come from many more large samples than there can be.
+for any distribution, and also if each draw has its own (Hoeffding [hoeffding1963], Theorem 1). For a region
+that met no light this is (1 - m/w)^n: the chance of meeting none of the n m / w largest samples that would
+make up its light. If the truth is black any light rejects. If no draw of the whole image met light, w is
+unknown and nothing is tested.
 
-The bound w is the largest draw of the whole image, which is the most that the samples can tell; light in
-still larger samples that no pixel has met is the business of the heavy-tail guard (heavy_tail.py). Beyond
-EVENTS such samples in a region its own variance is believed, as Welch's test is far sharper; with one
-correction. Of K events where L were due, mean and variance go as K, so that a mean that is low by chance
-comes with a variance that is too low: 65 events or fewer of 100 have a probability of 1.2e-4, and are 4.3 of
-their own standard errors, 2e-5, off. The variance is taken for L events, which makes it Poisson's own.
+The bound w is the largest draw of the whole image, the most that the samples can tell. Light in still larger
+samples, which no pixel has met, is the matter of heavy_tail.py. A region of more than EVENTS such samples is
+tested by its own variance, since Welch's test is far sharper, with one correction. With K events instead of
+L, mean and variance both go as K: a mean that is low by chance comes with a variance that is too low. 65
+events or fewer of 100 have a probability of 1.2e-4, but are 4.3 of their own standard errors (2e-5) off. So
+the variance is scaled to L events, which makes it Poisson's.
 """
 
 from __future__ import annotations
@@ -32,14 +31,13 @@ from pipeline.statistics.numerics import relative_entropy
 from scenes.arrays import Array, Mask
 
 EVENTS = 100.0  # of the largest draws in a region's light, which then has a relative error of a tenth at most
-# standard errors that a sampled reference's mean may be off by: 2e-9, below every level that is asked for
-DOUBT = 6.0
+DOUBT = 6.0  # standard errors by which a reference's mean may be off: 2e-9, below every level in use
 
 
 def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
-    """True for each region whose light, by the reference, is fewer than EVENTS of the largest draws.
+    """True for each region whose light, by the reference, is less than EVENTS of the largest draws.
 
-    pixels: (..., 3), of each region. reference: (..., 3), over the regions.
+    pixels: (..., 3), their number in each region. reference: means over the regions, (..., 3).
     """
     if not np.any(draws.largest > draws.least):
         return np.ones_like(reference.mean, dtype=np.bool_)
@@ -48,17 +46,18 @@ def few_events(draws: Draws, pixels: Array, reference: Moments) -> Mask:
 
 
 def variance_as_expected(side: Moments, reference: Moments) -> Moments:
-    """Raise `side`'s variance to that of the number of events that the reference expects, if fewer came."""
+    """Raise the variance of `side` to that of as many events as the reference expects, if fewer came."""
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(side.mean > 0, reference.mean / side.mean, 1.0)
     return replace(side, variance=side.variance * np.maximum(factor, 1.0))
 
 
 def bounded_p(draws: Draws, pixels: Array, mean: Array, reference: Moments, slack: Array) -> Array:
-    """Two-sided p, never too small, of the means of regions if no draw is beyond those of `draws`.
+    """Upper bounds of the two-sided p-values of regions, if no draw is outside the range of `draws`.
 
-    mean, slack (differences that count as none): (..., 3). pixels, reference: as above. The reference's own
-    noise is allowed for by taking the true mean where it fits best, within DOUBT standard errors.
+    pixels: (..., 3), their number in each region. mean: (..., 3), of the regions. slack: (..., 3),
+    differences that count as none. The true mean is taken where it fits best, within DOUBT standard errors of
+    `reference`.
     """
     finite = np.isfinite(mean) & np.isfinite(reference.mean)
     ours, theirs = np.where(finite, mean, 0.0), np.where(finite, reference.mean, 0.0)

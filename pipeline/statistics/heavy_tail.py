@@ -32,7 +32,7 @@ SAMPLES_LEAST = TOP_LEAST**2  # as k is the root of n
 
 @dataclass(frozen=True)
 class TailIndex:
-    """Hill's index of the `top` largest samples with its 95 % interval; infinite if these are all equal."""
+    """Hill's index of the `top` largest samples with its 95 % interval; infinite if they are all equal."""
 
     value: float
     low: float
@@ -52,12 +52,11 @@ class TailIndex:
 
 
 def tail_index(largest: Array, drawn: int) -> TailIndex | None:
-    """Hill's estimator over the floor(sqrt(drawn)) largest samples, or over as many as are given and
-    positive.
+    """Hill's estimator [hill1975] over the floor(sqrt(drawn)) largest samples, or over all given positive
+    ones.
 
-    largest: (k,) float64, the largest of `drawn` samples, in any order; what is not finite is left out. None
-    with fewer than 100 samples drawn or fewer than 11 positive ones. Source: [hill1975]; the interval is
-    exact for a power law (gamma).
+    largest: (k,), the largest of `drawn` samples, in any order; values that are not finite are left out. None
+    for fewer than 100 samples drawn, or fewer than 11 positive ones. The interval is exact for a power law.
     """
     positive = np.sort(largest[(largest > 0) & np.isfinite(largest)])[::-1]
     top = min(int(np.sqrt(drawn)), positive.size - 1)
@@ -71,5 +70,5 @@ def tail_index(largest: Array, drawn: int) -> TailIndex | None:
 
 
 def largest_share(largest: Array, total: float) -> float:
-    """The largest sample over the sum of all; 0 where no sample carries anything. largest: (k,) float64."""
+    """The largest sample's share of the `total` of all samples; 0 if that is 0. largest: (k,)."""
     return float(np.max(largest, initial=0.0) / total) if total > 0 else 0.0

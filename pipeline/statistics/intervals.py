@@ -1,8 +1,8 @@
 """Intervals of means over replicates, of products and ratios, of efficiency, and of an MSE over seeds.
 
-Each cell of a sweep is rendered with several seeds. Replicates make a safe interval: they
-are independent whatever the sampler, while the film's M2 is a variance for independent samples only. Under
-Sobol it is up to thousands of times too large.
+Each cell of a sweep is rendered with several seeds. These replicates are independent whatever the sampler.
+The film's M2 is a variance for independent samples only; under Sobol it is up to thousands of times too
+large.
 """
 
 from __future__ import annotations
@@ -36,14 +36,13 @@ class Interval:
 class ReplicateMse:
     """An MSE over replicate seeds. value: None if undefined, for the reason in `note`.
 
-    bound: `value` is an upper bound, as the error is below the reference's noise.
+    bound: whether `value` is an upper bound, since the error is below the reference's noise.
     """
 
     value: float | None
     low: float | None
     high: float | None
     bound: bool
-    replicates: int
     note: str = ""
 
 
@@ -63,12 +62,11 @@ def mean_interval(values: Array | Sequence[float], confidence: float = CONFIDENC
 
 
 def replicate_interval(values: Array | Sequence[float]) -> Interval:
-    """Mean over replicates with its interval: the bias-corrected bootstrap [efron1987] from ten on, Student's
-    below.
+    """Mean over replicates, with Student's interval below ten of them, else the BCa bootstrap's [efron1987].
 
-    A bootstrap of three values has ten outcomes and covers three quarters; Student's, for scores that are
-    means over an image and so nearly normal, covers what it says. Replicates that are all alike have an
-    interval of no width. values: (r,), finite.
+    A bootstrap of three values has ten outcomes and covers three quarters. Student's interval covers 95 %,
+    since scores are means over an image and so nearly normal. Equal replicates have an interval of width 0.
+    values: (r,), finite.
     """
     x = np.asarray(values, dtype=np.float64)
     if x.size < BOOTSTRAP_LEAST or np.ptp(x) == 0.0:
@@ -79,9 +77,9 @@ def replicate_interval(values: Array | Sequence[float]) -> Interval:
 def product(*factors: tuple[Interval, float]) -> Interval:
     """The product of independent positive quantities, each to a power: (interval, power), ...
 
-    The distances of the ends are added in quadrature on the logarithmic scale, each side for itself, so that
-    the intervals may be Student's, skewed or normal: the MOVER method [zou2008]. An end of a factor at or
-    below 0 gives an end at 0 or infinity.
+    The distances of the ends are added in quadrature on the logarithmic scale, each side by itself, so that
+    intervals may be skewed: the MOVER method [zou2008]. A factor's end at or below 0 gives an end at 0 or
+    infinity.
     """
     value, below, above = 0.0, 0.0, 0.0
     for factor, power in factors:
@@ -92,7 +90,7 @@ def product(*factors: tuple[Interval, float]) -> Interval:
         value += power * center
         below += (power * (down if power > 0 else up)) ** 2
         above += (power * (up if power > 0 else down)) ** 2
-    return Interval(exp(value), exp(value - math.sqrt(below)), exp(value + math.sqrt(above)))
+    return Interval(_exp(value), _exp(value - math.sqrt(below)), _exp(value + math.sqrt(above)))
 
 
 def efficiency(mse: Interval, seconds: Interval) -> Interval:
@@ -104,23 +102,23 @@ def efficiency(mse: Interval, seconds: Interval) -> Interval:
 
 
 def replicate_mse(scores: Sequence[Score]) -> ReplicateMse:
-    """One MSE from the scores of replicate seeds: their mean, with Student's interval over them.
+    """The mean MSE of replicate seeds, with Student's interval over them.
 
-    Fewer than three replicates bring their own intervals, pooled as independent, instead. One undefined
-    replicate makes the result undefined; one below the reference's noise makes it an upper bound, the mean of
-    the replicates' own upper bounds.
+    The interval of fewer than three replicates is pooled from their own instead. One undefined replicate
+    makes the result undefined. One below the reference's noise makes it an upper bound: the mean of all upper
+    ends.
     """
     if not scores:
         raise ValueError("no replicates")
     missing = [score for score in scores if score.value is None or score.low is None or score.high is None]
     if missing:
-        return ReplicateMse(None, None, None, False, len(scores), missing[0].note)
+        return ReplicateMse(None, None, None, False, missing[0].note)
     values = np.array([[score.value, score.low, score.high] for score in scores], dtype=np.float64)
     if any(score.bound for score in scores):
         upper = float(np.mean(values[:, 2]))
-        return ReplicateMse(upper, 0.0, upper, True, len(scores), "below reference noise")
+        return ReplicateMse(upper, 0.0, upper, True, "below reference noise")
     over = mean_interval(values[:, 0]) if len(scores) >= ENOUGH_REPLICATES else _pooled(values)
-    return ReplicateMse(over.value, max(over.low, 0.0), over.high, False, len(scores))
+    return ReplicateMse(over.value, max(over.low, 0.0), over.high, False)
 
 
 def _pooled(values: Array) -> Interval:
@@ -133,7 +131,7 @@ def _pooled(values: Array) -> Interval:
     )
 
 
-def exp(x: float) -> float:
+def _exp(x: float) -> float:
     """exp(x), infinity where it overflows."""
     return math.exp(x) if x < 709 else math.inf
 

@@ -19,9 +19,9 @@ WIDE = (9, 27)
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """The independent draws behind each pixel. count: how many.
+    """The independent draws behind each pixel.
 
-    least, largest: (3,) float64, of the whole image, by channel; least is 0 if no draw is negative.
+    count: draws a pixel. least, largest: (3,), of the whole image by channel; least is 0 if none is negative.
     """
 
     count: int
@@ -31,12 +31,12 @@ class Draws:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """One side of a comparison.
+    """One side of a comparison of images.
 
-    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance, inf where
-    the variance is known or the mean exact. samples: independent samples a pixel; None where unknown or the
-    mean exact. bound: (h, w, 3), the systematic error that the mean may have besides; None for none. draws:
-    the extremes of single draws, None where unknown (see few_events.py).
+    mean, variance (of the mean): (h, w, 3) float64. dof: degrees of freedom behind the variance; inf if the
+    variance is known or the mean exact. samples: independent samples a pixel; None if unknown or if the mean
+    is exact. bound: (h, w, 3), the largest systematic error of the mean, or None. draws: the extremes of
+    single draws, or None if unknown (few_events.py).
     """
 
     mean: Array
@@ -58,26 +58,23 @@ class Moments:
 
     @property
     def exact(self) -> bool:
-        """Whether the mean has no error but its bound."""
+        """Whether the mean has no random error."""
         return self.samples is None and not np.any(self.variance)
 
     @property
     def slack(self) -> Array:
-        """The bound, 0 where there is none."""
+        """The bound (h, w, 3) of the systematic error; 0 if there is none."""
         return np.zeros_like(self.mean) if self.bound is None else self.bound
 
 
 def batch_moments(batches: Array, samples: float | int | None = None) -> Moments:
-    """The moments of independent batches of equal size.
-
-    batches: (b, h, w, 3) float64, b >= 2. samples: a pixel, in all.
-    """
+    """The moments of independent batches (b, h, w, 3) of equal size, b >= 2. samples: a pixel, in all."""
     count = batches.shape[0]
     return Moments(np.mean(batches, axis=0), np.var(batches, axis=0, ddof=1) / count, count - 1, samples)
 
 
 def floor_by_other(side: Moments, other: Moments) -> Moments:
-    """Raise `side`'s variance to that of the other side's samples at this side's number of samples."""
+    """Raise the variance of `side` to the other side's, scaled to the number of samples of `side`."""
     if side.samples is None or other.samples is None:
         return side
     known = np.where(np.isfinite(other.variance), other.variance, 0.0)
@@ -85,7 +82,7 @@ def floor_by_other(side: Moments, other: Moments) -> Moments:
 
 
 def floor_by_neighbours(side: Moments) -> Moments:
-    """Raise `side`'s variance to the mean over the 3 x 3 pixels around, channel by channel."""
+    """Raise the variance of `side` to its mean over the 3 x 3 pixels around, by channel."""
     # The filter's running sum would carry a nan along.
     finite = np.where(np.isfinite(side.variance), side.variance, 0.0)
     around = box_mean(finite, 3)
@@ -93,9 +90,9 @@ def floor_by_neighbours(side: Moments) -> Moments:
 
 
 def finite_variances(side: Moments, other: Moments) -> tuple[Array, Array]:
-    """Both variances (h, w, 3) with 0 for what is not finite, ready to be summed.
+    """Both variances (h, w, 3), with 0 for values that are not finite, ready to be summed.
 
-    The first is 0 too where the other side is black without any variance.
+    The first is also 0 in pixels where the other side is exactly black.
     """
     black = (other.mean == 0) & (other.variance == 0)
     own, known = (np.where(np.isfinite(v), v, 0.0) for v in (side.variance, other.variance))
@@ -103,9 +100,9 @@ def finite_variances(side: Moments, other: Moments) -> tuple[Array, Array]:
 
 
 def floor_by_excess(side: Moments, other: Moments) -> Moments:
-    """Raise `side`'s variance to that of the other side's samples plus its own excess over it nearby.
+    """Raise the variance of `side` to the other side's, scaled to its samples, plus its own excess nearby.
 
-    The excess is the greatest of the means over WIDE pixels square; it is 0 where both sides sample alike.
+    The excess is the greatest difference of means over WIDE pixels square, 0 if both sides sample alike.
     """
     if side.samples is None or other.samples is None:
         return side
@@ -118,8 +115,8 @@ def floor_by_excess(side: Moments, other: Moments) -> Moments:
 def over_grid(side: Moments, grid: tuple[int, int]) -> Moments:
     """Means over a grid of regions (rows, columns), with Satterthwaite's degrees of freedom [welch1947].
 
-    The variance of a sum over independent pixels is the sum of theirs, (sum v)^2 / sum(v^2 / dof) its degrees
-    of freedom. The least over regions and channels is used, which is always in the hundreds. Bounds add up.
+    A sum over independent pixels has the variance sum v and (sum v)^2 / sum(v^2 / dof) degrees of freedom.
+    The least over regions and channels is used, which is always in the hundreds. Bounds are averaged.
     """
     variance = grid_sums(side.variance, grid)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -131,12 +128,12 @@ def over_grid(side: Moments, grid: tuple[int, int]) -> Moments:
 
 
 def over_mask(side: Moments, mask: Mask) -> Moments:
-    """`side` over the pixels of a mask (h, w) alone, as one row (1, n, 3)."""
+    """The moments of the pixels of a mask (h, w), as one row (1, n, 3)."""
     bound = None if side.bound is None else side.bound[mask][None]
     return replace(side, mean=side.mean[mask][None], variance=side.variance[mask][None], bound=bound)
 
 
 def grid_sums(image: Array, grid: tuple[int, int]) -> Array:
-    """Sums over a grid of regions: (h, w, 3) -> (rows, columns, 3); regions differ by a pixel at most."""
+    """Sums (rows, columns, 3) of an image (h, w, 3) over a grid of regions, equal to a row and a column."""
     rows, columns = (np.arange(n) * size // n for n, size in zip(grid, image.shape[:2], strict=True))
     return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)

@@ -1,7 +1,5 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""Typed wrappers of the SciPy functions in use: quantiles and tails of distributions, a root finder, box
-filters.
-"""
+"""Typed wrappers of SciPy's distributions, root finder, box filters and bootstrap."""
 
 from __future__ import annotations
 
@@ -45,27 +43,29 @@ def gamma_quantile(probability: float, shape: int) -> float:
 
 
 def root(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
-    """Where `function`, of opposite signs at the ends, is 0 (Brent's method)."""
+    """The zero of a function that has opposite signs at `low` and `high` (Brent's method)."""
     found: Any = optimize.brentq(function, low, high, xtol=tolerance)
     return float(found)
 
 
 def box_mean(image: Array, size: int) -> Array:
-    """Mean over size x size pixels around each, channel by channel; the border repeats. image: (h, w, 3), all
-    finite.
+    """Mean over the size x size pixels around each pixel, by channel; the border repeats.
+
+    image: (h, w, 3), finite.
     """
     window: Any = (size, size, 1)
     return np.asarray(ndimage.uniform_filter(image, size=window, mode="nearest"), dtype=np.float64)
 
 
 def box_maximum(image: Array, size: int) -> Array:
-    """Greatest value over size x size pixels around each; the border repeats. image: (h, w), all finite."""
+    """Maximum over the size x size pixels around each pixel; the border repeats. image: (h, w), finite."""
     return np.asarray(ndimage.maximum_filter(image, size=size, mode="nearest"), dtype=np.float64)
 
 
 def bootstrap_ends(values: Array, confidence: float) -> tuple[float, float]:
-    """The ends of the bias-corrected and accelerated bootstrap interval of a mean; the same for the same
-    values. values: (n,).
+    """The ends of the bias-corrected and accelerated bootstrap interval of the mean of values (n,).
+
+    The seed is fixed: equal values have equal intervals.
     """
     rng = np.random.default_rng(0)
     found: Any = stats.bootstrap(

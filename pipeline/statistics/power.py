@@ -1,4 +1,4 @@
-"""The power of a test: how small a bias would it have caught?"""
+"""The power of a test: the smallest bias that it would have caught."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ SMALLEST, LARGEST = 1e-9, 1e6  # relative biases between which the answer is sou
 def smallest_detectable(
     mean: Array, error: Array, dof: Array, level: float, slack: Array | float = 0.0, power: float = POWER
 ) -> float:
-    """The smallest relative bias e, applied to every true value, at which the family would reject.
+    """The smallest relative bias of every true value that a family of comparisons would reject, at `power`.
 
-    mean, error (standard error of the difference), dof: (..., channels) float64. level: of each comparison,
-    two-sided. slack: of the means' shape, what a difference loses before it counts (an error bound). An error
-    of inf is a comparison that promises nothing. The family rejects if any comparison does; comparisons of
-    one channel are independent, channels of a pixel are not, so the best single channel counts. Returns inf
-    where nothing could be caught (a black reference).
+    mean, error (standard error of the difference), dof: (..., channels). An error of inf is a comparison
+    without power. level: of each comparison, two-sided. slack: shaped as the means, the part of a difference
+    that does not count. The family rejects if any comparison does. Channels of a pixel are not independent,
+    so that the best single channel counts. Returns inf if nothing could be caught, as for a black reference.
     """
     critical = student_tail(level / 2, dof)
     finite = np.isfinite(mean) & np.isfinite(error)  # what is not finite rejects at once, or promises nothing
@@ -40,10 +39,7 @@ def smallest_detectable(
 
 
 def _family_power(shift: Array, critical: Array, dof: Array) -> float:
-    """Probability that at least one comparison of the best channel rejects.
-
-    shift: (..., channels), non-centralities.
-    """
+    """Probability that a comparison of the best channel rejects. shift: (..., channels), non-centralities."""
     with np.errstate(divide="ignore"):
         missed = np.log(beta(shift, critical, dof))
     return float(np.max(-np.expm1(np.sum(missed.reshape(-1, missed.shape[-1]), axis=0))))

@@ -1,4 +1,4 @@
-"""The verdict of samples on their own estimate, without a reference: noise, largest share, tail index."""
+"""The verdict on samples without a reference: their noise, their largest share, their tail index."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SPIKE_SAMPLES = 16  # of fewer samples the largest makes up much of the spread e
 
 
 class SampleVerdict(NamedTuple):
-    """The verdict with the figures that it rests on; `reason` is a sentence."""
+    """A verdict, its reason in a sentence, and the figures behind it."""
 
     max_share: float
     hill: float | None
@@ -25,10 +25,10 @@ class SampleVerdict(NamedTuple):
 
 
 def sample_verdict(values: Array) -> SampleVerdict:
-    """Whether the mean of these samples of one integral comes with a standard error that can be believed.
+    """Judge whether the samples of one integral have a standard error that can be believed.
 
-    values: (n,) float64, non-negative sample weights at one point, zeros included. "untrustworthy" where a
-    value is not finite, where one sample carries a tenth of the sum, or where Hill's index is below 2.
+    values: (n,), non-negative, zeros included. "untrustworthy" if a value is not finite, if one sample
+    carries a tenth of the sum, or if Hill's index is below 2.
     """
     finite = values[np.isfinite(values)]
     share = largest_share(finite, float(np.sum(finite)))
@@ -49,13 +49,14 @@ def sample_statistics(
 ) -> SampleStatistics:
     """Noise, shares and verdict of a render, from the arrays of its film and the counts of its result.
 
-    mean, m2: (h, w, 3) float64, mean and sum of squared deviations of the samples of each pixel. count: (h,
-    w). tail: (k,) float64, the largest luminances among the `reflected` samples of reflected light of the
-    whole image, whose sum is `reflected_sum`. nonfinite: samples that were not finite. maximum: (h, w, 3),
-    the largest reflected sample of each pixel and channel; with it, and from 16 samples a pixel on, a small
-    tail index is blamed on noise only if single samples make up most of the measured variance
-    (`spike_share`): pooled over an image, the index of a perfectly sampled small light close to a floor is
-    small as well, because the image itself has that range.
+    mean, m2: (h, w, 3), mean and sum of squared deviations of each pixel's samples. count: (h, w). tail:
+    (k,), the largest luminances among the `reflected` samples of reflected light of the whole image, whose
+    sum is `reflected_sum`. nonfinite: samples that were not finite. maximum: (h, w, 3), the largest reflected
+    sample of each pixel and channel.
+
+    Pooled over an image, the tail index of a perfectly sampled small light close to a floor is small too,
+    because the image itself has that range. With `maximum`, from 16 samples a pixel on, a small index counts
+    only if single samples make up most of the measured variance (`spike_share`).
     """
     share = largest_share(tail, reflected_sum)
     index = tail_index(tail, reflected)
@@ -83,13 +84,12 @@ def image_noise(m2: Array, count: NDArray[np.int64] | Array) -> float:
 
 
 def spike_share(mean: Array, m2: Array, count: NDArray[np.int64] | Array, maximum: Array) -> float | None:
-    """Share, 0 to 1, of each pixel's largest sample in all squared deviations from the pixels' means.
+    """The share of each pixel's largest sample in the squared deviations of all samples, 0 to 1.
 
-    mean, m2, maximum: (h, w, 3) float64. count: (h, w). Its reciprocal is the number of samples a pixel that
-    the measured variance rests on. n samples give 3/n if uniform, about 2 ln(n)/n if normal, 2/n over a
-    penumbra (one lit sample of n weighs little beside the pixels with n/2); a peak that few samples have
-    found gives nearly 1. Channels in which a mean exceeds the largest reflected sample see a light directly
-    and are left out. None below 16 samples a pixel, or without any spread.
+    mean, m2, maximum: (h, w, 3). count: (h, w). The measured variance rests on the reciprocal of the share,
+    in samples a pixel. n samples give 3/n if uniform, about 2 ln(n)/n if normal, and 2/n over a penumbra; a
+    peak that few samples have found gives nearly 1. Channels whose mean exceeds the largest reflected sample
+    see a light directly and are left out. None below 16 samples a pixel, or without any spread.
     """
     if np.min(count) < SPIKE_SAMPLES:
         return None

@@ -1,4 +1,4 @@
-"""How an error falls with time: straight lines on log-log axes, and what halving the error costs."""
+"""How an error falls with time: straight lines on log-log axes, and the cost of halving the error."""
 
 from __future__ import annotations
 
@@ -8,33 +8,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.statistics.intervals import CONFIDENCE, NORMAL, Interval, exp
+from pipeline.statistics.intervals import CONFIDENCE, NORMAL, Interval
 from pipeline.statistics.numerics import student_tail
 from scenes.arrays import Array
 
 
 @dataclass(frozen=True)
 class Slope:
-    """log y = intercept + value * log x, natural logarithms.
+    """The line log y = level + value * (log x - center), natural logarithms, through `points` points.
 
-    se, low, high: standard error and 95 % interval of the slope. center, level, level_se: the mean of log x,
-    the line's height there and its standard error, which is independent of the slope's. factor: how many
-    standard errors the interval's half is. points: how many.
+    se, low, high: standard error and 95 % interval of the slope `value`. center: the mean of log x.
     """
 
     value: float
     se: float
-    intercept: float
     low: float
     high: float
     center: float
     level: float
-    level_se: float
-    factor: float
     points: int
 
     def __call__(self, x: float) -> float:
-        """The line's y at x."""
+        """The height y of the line at x."""
         return math.exp(self.level + self.value * (math.log(x) - self.center))
 
 
@@ -47,10 +42,9 @@ def fit_slope(
     """A straight line through positive points on log-log axes, with the error of its slope.
 
     x, y: (n,), n >= 2. y_low, y_high: 95 % intervals of y; given both, a point weighs by the inverse square
-    of their distance on the log scale, else all weigh the same. The error is the greater of what the
-    intervals imply and what the scatter about the line implies (n - 2 degrees of freedom, Student's factor):
-    a fit that is worse than its intervals allow, because the relation is not quite a power law, says so.
-    Without intervals two points have no error: nan.
+    of their distance on the log scale, else all points weigh alike. The error is the greater of two: that of
+    the intervals, and that of the scatter about the line (n - 2 degrees of freedom, Student's factor), which
+    is larger if the relation is not quite a power law. Without intervals the error of two points is nan.
     """
     log_x, log_y = _logs(x, "x"), _logs(y, "y")
     if log_x.size < 2 or log_x.size != log_y.size:
@@ -68,40 +62,15 @@ def fit_slope(
     unit, factor = _scale(float(np.sum(weight * residual**2)), log_y.size - 2, sigma is not None)
     se = unit / math.sqrt(spread)
     half = factor * se
-    return Slope(
-        value=slope,
-        se=se,
-        intercept=height - slope * center,
-        low=slope - half,
-        high=slope + half,
-        center=center,
-        level=height,
-        level_se=unit / math.sqrt(float(np.sum(weight))),
-        factor=factor,
-        points=log_x.size,
-    )
+    return Slope(slope, se, slope - half, slope + half, center, height, log_x.size)
 
 
 def halving_cost(slope: Slope) -> Interval:
-    """The factor in time that halves the error, 2^(-1/slope), with its 95 % interval: 4 at a slope of -1/2.
+    """The factor in time that halves the error, 2^(-1/slope), with its 95 % interval; 4 for a slope of -1/2.
 
     Infinite where the slope, or the end of its interval, is not negative: no time is enough.
     """
     return Interval(_halving(slope.value), _halving(slope.low), _halving(slope.high))
-
-
-def seconds_for_error(slope: Slope, error: float) -> Interval:
-    """The time at which the fitted line reaches `error`, with a 95 % interval by the delta method.
-
-    The fit is of error against seconds; a line that does not fall gives infinity. Errors of level and slope
-    are independent about the center of the fit.
-    """
-    if slope.value >= 0:
-        return Interval(math.inf, 0.0, math.inf)
-    reach = (math.log(error) - slope.level) / slope.value
-    se = math.hypot(slope.level_se, reach * slope.se) / abs(slope.value)
-    center, half = slope.center + reach, slope.factor * se
-    return Interval(exp(center), exp(center - half), exp(center + half))
 
 
 def _scale(misfit: float, dof: int, weighted: bool) -> tuple[float, float]:

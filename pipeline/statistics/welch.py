@@ -68,13 +68,12 @@ ROUNDING = 256 * 2.0**-24
 
 @dataclass(frozen=True, eq=False)
 class TestResult:
-    """One family of comparisons.
+    """The outcome of one family of comparisons.
 
     p: corrected p-value of the whole family; `reject` is p < alpha. effect: relative difference (a - b) / b
-    of the comparison with the smallest p. smallest_detectable: the smallest uniform relative bias of the
-    whole image that this family would have rejected with a probability of 95 %, by its single comparisons
-    (under either correction it rejects then at the least). p_map: (h, w) or region grid, smallest p over
-    channels, uncorrected.
+    of the comparison with the smallest p. smallest_detectable: the smallest relative bias of the whole image
+    that this family would have rejected with a probability of 95 %. p_map: (h, w) or (rows, columns), the
+    smallest uncorrected p over channels.
     """
 
     __test__ = False  # not a test case, whatever its name
@@ -105,15 +104,15 @@ def compare_images(
     parts: Mapping[str, Mask] | None = None,
     correction: Correction = "sidak",
 ) -> list[TestResult]:
-    """Test image `a` against reference `b`, by families: "image", "regions" (a grid), `parts`, "pixels".
+    """Test image `a` against reference `b` [welch1947], by families: "image", "regions", `parts`, "pixels".
 
-    Each family is held to level alpha. regions: rows and columns of the grid, no more than pixels. parts:
-    names of further regions to masks (h, w), each with a pixel at least. correction: of the pixels; the
-    others take Sidak's. The pixels need samples that vary alike (by variance), or an exact `b` and the draws
-    of `a` (by few_events.py, with no promise of what they catch). A pixel that is not finite rejects.
-    Differences up to 1.5e-5 of the value are float32 rounding and count as none, as do those within the
-    bounds of both; beyond that, a difference where neither side has any variance rejects. Sources:
-    [welch1947], [sidak1967].
+    Each family is held to level alpha. regions: rows and columns of a grid, no more than pixels. parts: names
+    of further regions to masks (h, w), none empty. correction: of the pixels; other families take Sidak's
+    [sidak1967]. Pixels are tested if both sides' samples vary alike, or by few_events.py if `b` is exact and
+    the draws of `a` are known.
+
+    A pixel that is not finite rejects. Differences up to 1.5e-5 of the value are float32 rounding and do not
+    count, nor do those within both sides' bounds. Any larger one rejects if neither side has a variance.
     """
     if a.mean.shape != b.mean.shape:
         raise ValueError(f"images of different shapes: {a.mean.shape} and {b.mean.shape}")
@@ -144,11 +143,11 @@ def compare_images(
 
 
 def vary_alike(a: Moments, b: Moments) -> bool:
-    """True if both counts are known and a's samples vary at most ALIKE times as much as b's in every tile.
+    """True if a's samples vary at most ALIKE times as much as b's in every tile, and both counts are known.
 
     The variance of b's samples is then a floor for that of a's pixels. The image is judged in TILES x TILES
-    parts: on the whole, the edges of a light in view, where both sides vary alike, would hide the variance
-    that one side alone has from light met by chance. Light where the reference is black is no chance.
+    parts: over the whole of it, the edges of a light in view would hide the variance that one side alone has
+    from light met by chance. Light in pixels where the reference is black does not count as chance.
     """
     if a.samples is None or b.samples is None:
         return False
@@ -161,10 +160,9 @@ def vary_alike(a: Moments, b: Moments) -> bool:
 
 
 def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
-    """Two-sided p, standard error and degrees of freedom of each comparison, all of the shape of the means.
+    """Two-sided p, standard error and degrees of freedom [welch1947], each shaped as the means.
 
-    p is 1 where neither side has variance and the means are equal, 0 where they differ or are not finite.
-    Source: [welch1947].
+    Without any variance p is 1 for equal means and 0 for others. p is 0 for a mean that is not finite.
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         variance = a.variance + b.variance
@@ -178,15 +176,12 @@ def welch(a: Moments, b: Moments) -> tuple[Array, Array, Array]:
 
 
 def allowance(a: Moments, b: Moments) -> Array:
-    """Differences that count as none: float32's rounding of the greater, and both bounds."""
+    """The difference that does not count: float32's rounding of the greater mean, and both bounds."""
     return ROUNDING * np.maximum(np.abs(a.mean), np.abs(b.mean)) + a.slack + b.slack
 
 
 def sidak(p: float, comparisons: int) -> float:
-    """The family's p-value from the smallest of its p-values: 1 - (1 - p)^comparisons.
-
-    Source: [sidak1967].
-    """
+    """The family's p-value from the smallest of its p-values, 1 - (1 - p)^comparisons [sidak1967]."""
     return float(-np.expm1(comparisons * np.log1p(-p))) if p < 1.0 else 1.0
 
 
@@ -206,9 +201,9 @@ def simes(p: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Few:
-    """Regions that may hold few events: the draws of a pixel, and the pixels (..., 3) of each region.
+    """Regions that may hold few events: a pixel's draws, and the number of pixels (..., 3) of each region.
 
-    all: test none by its variance.
+    all: whether to test every region by its draws, however many events it holds.
     """
 
     draws: Draws
@@ -219,7 +214,7 @@ class Few:
 def _compare(
     name: str, a: Moments, b: Moments, alpha: float, correction: Correction = "sidak", few: Few | None = None
 ) -> TestResult:
-    """One family: every element of the arrays is a comparison; the last axis is the channel."""
+    """Test one family: every element of the arrays is a comparison; the last axis is the channel."""
     held_a, held_b = floor_by_other(variance_as_expected(a, b) if few else a, b), floor_by_other(b, a)
     p, error, dof = welch(held_a, held_b)
     slack = allowance(a, b)
