@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from scenes import SceneDescription
 
 NONE = "none"
+BLIND = 0.05  # a bias that anyone sees by eye
+LEFT_OUT = {
+    "untrustworthy": "since their own samples cannot tell their error",
+    "refused": "since they do not apply to the scene",
+}
 
 
 @command(130, ("agreement soft-shadow", "do all estimators agree?"))
@@ -59,7 +64,7 @@ def agreement(
     """
     from pipeline.console.console import Console
     from pipeline.studies.agreement import agreement as agree
-    from renderer.interfaces.estimator import ESTIMATORS
+    from pipeline.studies.agreement import comparable
     from scenes.errors import PenumbraError
 
     console = Console(as_json=as_json, quiet=quiet)
@@ -69,7 +74,7 @@ def agreement(
         raise PenumbraError(f"threads is {threads}: give at least 1")
     description = open_scene(scene, define, console, strict, substitute)
     truth = None if backend == NONE else _reference(description, backend, reference_spp, cache, console)
-    with console.step(f"render {scene}", len(estimator or ESTIMATORS.names())) as update:
+    with console.step(f"render {scene}", len(comparable(estimator))) as update:
         found = agree(
             description,
             estimators=estimator,
@@ -133,10 +138,25 @@ def _tell(console: Console, found: Agreement) -> None:
     ]
     headings = ("a", "b", "(a - b) / b", "95 % interval", "p", "smallest bias seen", "verdict")
     console.table(headings, pairs, "image means; the verdict also takes 4 x 4 regions")
-    console.line(_summary(sum(not p.agree for p in found.pairs), len(found.pairs)))
+    for line in (*_left_out(found), _summary(found)):
+        console.line(line)
 
 
-def _summary(different: int, pairs: int) -> str:
-    if pairs == 1:
-        return "the pair DIFFERS" if different else "the pair agrees"
-    return f"{different} of {pairs} pairs DIFFER" if different else f"all {pairs} pairs agree"
+def _left_out(found: Agreement) -> list[str]:
+    """The estimators that no pair holds, in one line for each verdict."""
+    lost = {verdict: [m.name for m in found.members if m.verdict == verdict] for verdict in LEFT_OUT}
+    return [
+        f"left out, {why}: {', '.join(lost[verdict])}" for verdict, why in LEFT_OUT.items() if lost[verdict]
+    ]
+
+
+def _summary(found: Agreement) -> str:
+    """The verdict, with the bias that every pair would have shown: agreement without power says nothing."""
+    different, pairs = sum(not p.agree for p in found.pairs), len(found.pairs)
+    if different:
+        return f"{different} of {pairs} pairs DIFFER" if pairs > 1 else "the pair DIFFERS"
+    sight = [p.smallest_detectable for p in found.pairs]
+    blind = sum(not smallest <= BLIND for smallest in sight)
+    agree = f"all {pairs} pairs agree" if pairs > 1 else "the pair agrees"
+    power = f"{agree}; they would have shown a bias of {min(sight):.2%} at best, {max(sight):.2%} at worst"
+    return power + (f": {blind} could not see {BLIND:.0%}, more --spp helps" if blind else "")

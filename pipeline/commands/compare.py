@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -179,10 +180,11 @@ def _variance(path: Path, mean: Image) -> Image:
 
 
 def _cells(score: Score, better: Better) -> tuple[str, str, str]:
+    if score.value is None or math.isinf(score.value):  # a PSNR of equal images
+        return "undefined" if score.value is None else f"{score.value}", "", score.note
     sign = "" if not score.bound else ">= " if better == "higher" else "<= "
-    value = "undefined" if score.value is None else f"{sign}{score.value:.4g}"
     interval = "" if score.low is None or score.high is None else f"{score.low:.4g} .. {score.high:.4g}"
-    return value, interval, score.note
+    return f"{sign}{score.value:.4g}", interval, score.note
 
 
 def _worse(score: Score, limit: float, better: Better) -> bool:

@@ -18,10 +18,14 @@ KINDS = ("scenes", "estimators", "samplers", "metrics", "backends", "sweeps")
 
 @command(140, ("list scenes", "estimators, samplers, metrics ..."), name="list")
 def list_names(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help=f"One of: {', '.join(KINDS)}.")],
+    kind: Annotated[
+        str | None,
+        typer.Argument(metavar="KIND", help=f"One of: {', '.join(KINDS)}. All kinds if not given."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """List scenes, estimators, samplers, metrics, reference backends or sweeps.
+    """List the kinds of things that have names, or all scenes, estimators, samplers, metrics, reference
+    backends or sweeps.
 
     Examples:
 
@@ -32,7 +36,7 @@ def list_names(
     from pipeline.console.console import Console
 
     console = Console(as_json=as_json)
-    rows = _rows(kind)
+    rows = [_kind(one) for one in KINDS] if kind is None else _rows(kind)
     console.json(rows)
     if kind == "scenes":
         cells = [
@@ -42,6 +46,11 @@ def list_names(
     else:
         headings = list(rows[0])
         console.table(headings, [[str(row[name]) for name in headings] for row in rows])
+
+
+def _kind(kind: str) -> Row:
+    names = [row["name"] for row in _rows(kind)]
+    return {"kind": kind, "number": len(names), "names": ", ".join(names)}
 
 
 def _rows(kind: str) -> list[Row]:

@@ -17,6 +17,7 @@ import typer
 
 PACKAGE = "pipeline.commands"
 CRASHED = 3
+PIPE_CLOSED = 128 + 13  # as a shell reports SIGPIPE
 COLUMN = 33  # where the remarks of examples begin
 
 Function = Callable[..., None]
@@ -63,13 +64,18 @@ def example_lines(found: Sequence[Command]) -> str:
 def call(app: Any, arguments: Sequence[str] | None = None) -> None:
     """Run a Typer application; an error of the user's making is one line on stderr and exit code 2.
 
-    Any other is a fault of ours: its traceback and exit code 3, so that no script takes it for a check that
-    failed.
+    Neither a fault of ours nor a reader that leaves early is a check that failed: a fault keeps its traceback
+    and has exit code 3; `penumbra ... | head` ends as programs do that a closed pipe stops.
     """
+    out = sys.stdout
     if reconfigure := getattr(sys.stdout, "reconfigure", None):
         reconfigure(errors="replace")  # a character that the terminal's encoding lacks ends no command
     try:
         app(arguments)
+    except SystemExit:
+        if sys.stdout is not out:  # Typer has put a silent stream there: the pipe is closed
+            sys.exit(PIPE_CLOSED)
+        raise
     except Exception as error:
         from scenes.errors import PenumbraError
 

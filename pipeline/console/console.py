@@ -24,6 +24,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from pipeline.console.command import PIPE_CLOSED
 from pipeline.progress import Amount, Update
 
 PIPE_WIDTH = 160  # columns where nobody's terminal says how many: long enough for a reason in words
@@ -96,9 +97,19 @@ class Console:
             sys.stdout.write(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
 
 
+class _Stream(RichConsole):
+    """A stream of Rich's that ends a command by PIPE_CLOSED, not by the exit code of a check that failed."""
+
+    def on_broken_pipe(self) -> None:
+        try:
+            super().on_broken_pipe()
+        except SystemExit:
+            raise SystemExit(PIPE_CLOSED) from None
+
+
 def _console(stream: Any) -> RichConsole:
     told = stream.isatty() or "COLUMNS" in os.environ
-    return RichConsole(file=stream, width=None if told else PIPE_WIDTH)
+    return _Stream(file=stream, width=None if told else PIPE_WIDTH)
 
 
 def _plain(value: Any) -> Any:

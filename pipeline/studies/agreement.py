@@ -112,7 +112,7 @@ def agreement(
             f"spp is {spp}: at least {LEAST_SPP} are needed to judge the spread of a pixel's samples"
         )
     built = build(scene)
-    names = _chosen(estimators)
+    names = comparable(estimators)
     members: list[Member] = []
     candidates: list[Candidate] = []
     for i, name in enumerate(names):
@@ -139,8 +139,10 @@ def agreement(
     )
 
 
-def _chosen(estimators: Sequence[str] | None) -> list[str]:
-    """All comparable estimators, or those asked for; PenumbraError for one that is named twice."""
+def comparable(estimators: Sequence[str] | None = None) -> list[str]:
+    """All estimators that claim unbiased radiance, or those named. PenumbraError for one that makes no such
+    claim or is named twice.
+    """
     if estimators is None:
         return [name for name in ESTIMATORS.names() if _comparable(name, named=False)]
     if twice := [name for i, name in enumerate(estimators) if name in estimators[:i]]:

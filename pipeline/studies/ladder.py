@@ -119,12 +119,22 @@ LIGHTS = {"rectangle": rectangle, "disk": disk, "sphere": sphere, "triangle": tr
 
 
 def climb(
-    lights: Sequence[str] = tuple(LIGHTS), samples: int = 2**15, seed: int = 0, rungs: Sequence[float] = RUNGS
+    lights: Sequence[str] = tuple(LIGHTS),
+    samples: int = 2**15,
+    seed: int = 0,
+    rungs: Sequence[float] = RUNGS,
+    estimators: Sequence[str] | None = None,
 ) -> Iterator[Rung]:
-    """Every rung of every light, geometry and estimator that applies.
+    """Every rung of every light and geometry by these estimators, or by all.
 
-    PenumbraError for an unknown light or no samples.
+    PenumbraError for an unknown light or estimator, and for too few samples.
     """
+    names = (
+        [n for n, one in ESTIMATORS.items() if one.quantity == RADIANCE] if estimators is None else estimators
+    )
+    for name in names:
+        if ESTIMATORS[name].quantity != RADIANCE:
+            raise PenumbraError(f"no ladder for estimator {name!r}: its quantity is another")
     for name in lights:
         if name not in LIGHTS:
             raise PenumbraError(f"no ladder for light {name!r}; there are: {', '.join(LIGHTS)}")
@@ -135,20 +145,20 @@ def climb(
     for name in lights:
         for geometry in GEOMETRIES:
             for h in rungs:
-                yield from _rungs(name, geometry, h, samples, seed)
+                yield from _rungs(name, geometry, h, samples, seed, names)
 
 
-def _rungs(name: str, geometry: str, h: float, samples: int, seed: int) -> Iterator[Rung]:
+def _rungs(
+    name: str, geometry: str, h: float, samples: int, seed: int, estimators: Sequence[str]
+) -> Iterator[Rung]:
     setting = LIGHTS[name](geometry, h)
     scene = _scene(setting.geometry)
     built = build(scene)
     # Neither the floor nor the light, both known by identity, shades what passes between them.
     plan = make_plan(built, prune=False)
     plan = replace(plan, shadow=np.zeros_like(plan.shadow))
-    for label, estimator in ESTIMATORS.items():
-        if estimator.quantity != RADIANCE:
-            continue
-        why = estimator.refuses(scene)
+    for label in estimators:
+        why = ESTIMATORS[label].refuses(scene)
         truth = REFLECTANCE / np.pi * LE * setting.irradiance
         shared = {"light": name, "geometry": geometry, "estimator": label, "h": h, "truth": truth}
         if why:

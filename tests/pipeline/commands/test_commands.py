@@ -83,6 +83,9 @@ def test_lists_name_what_there_is(penumbra: Penumbra, kind: str) -> None:
 
 
 def test_lists_of_scenes_and_sweeps_are_whole(penumbra: Penumbra) -> None:
+    kinds = {row["kind"]: row for row in answer(penumbra, "list")}
+    assert list(kinds) == ["scenes", "estimators", "samplers", "metrics", "backends", "sweeps"]
+    assert kinds["scenes"]["number"] == len(library()) and "sobol" in kinds["samplers"]["names"]
     assert [row["name"] for row in answer(penumbra, "list", "scenes")] == [scene.name for scene in library()]
     assert [row["name"] for row in answer(penumbra, "list", "sweeps")] == list(builtin_sweeps())
 

@@ -53,3 +53,23 @@ def test_an_unknown_light_is_told(capsys):
     assert (
         "no ladder for light 'cube'; there are: rectangle, disk, sphere, triangle" in capsys.readouterr().err
     )
+
+
+def test_a_ladder_fits_a_screen_and_tells_where_area_sampling_fails(capsys):
+    with pytest.raises(SystemExit):
+        main(["ladder", "--samples", "500", "--quiet", "--estimator", "area", "--estimator", "solid-angle"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 12
+    area, solid = (
+        next(line for line in lines if f"│ {name} " in line).split("│") for name in ("area", "solid-angle")
+    )
+    assert [cell.strip() for cell in solid[2:6]] == ["1e-08 / 1e-08"] * 4
+    assert all(float(end) >= 1e-3 for cell in area[2:6] for end in cell.split("/"))
+    assert 0 < float(solid[6].split()[0]) < 4.5  # 72 rungs: a false alarm in 1 of 2,000 runs
+
+
+def test_estimators_of_another_quantity_have_no_ladder(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["ladder", "--estimator", "ambient-occlusion"])
+    assert stop.value.code == 2
+    assert "no ladder for estimator 'ambient-occlusion'" in capsys.readouterr().err

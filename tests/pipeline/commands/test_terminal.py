@@ -85,3 +85,16 @@ def test_a_picture_that_shows_nothing_names_the_exposure_that_does(
     said, code = picture(tmp_path, 0.01 * np.pi, capsys=capsys)
     assert said.endswith("a.png: the picture is nearly black; --exposure 6 shows it better")
     assert picture(tmp_path, 0.01 * np.pi, "--exposure", "6", capsys=capsys) == ("", 209)  # 0.64
+
+
+@pytest.mark.usefixtures("processes")
+@pytest.mark.parametrize("line", ["list scenes", "list scenes --json"])
+def test_a_reader_that_leaves_is_no_failed_check(tmp_path: Path, line: str) -> None:
+    """What a shell reports for a program that a closed pipe stops, and not a word."""
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "penumbra", *line.split()]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=write, stderr=subprocess.PIPE)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, b"")

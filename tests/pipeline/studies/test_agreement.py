@@ -173,3 +173,25 @@ def test_the_command_prints_the_matrix_and_tells_by_its_exit_code(capsys):
     (pair,) = data["pairs"]
     assert pair["low"] <= pair["difference"] <= pair["high"] and 0 <= pair["p"] <= 1
     assert set(ESTIMATORS.names()) > {"mis", "solid-angle"}
+
+
+def test_the_summary_tells_what_was_left_out_and_how_much_it_could_see(capsys):
+    """`area` near a floor cannot be trusted, and 16 samples a pixel show no small bias."""
+    line = (
+        "agreement touching-light -D gap=0.01 -D xresolution=32 -D yresolution=24 --reference none --spp 16 "
+        "--estimator area --estimator mis --estimator bsdf --estimator environment"
+    )
+    with pytest.raises(SystemExit) as stop:
+        main(line.split())
+    out, err = capsys.readouterr()
+    assert stop.value.code == 0
+    lines = out.splitlines()
+    assert "left out, since their own samples cannot tell their error: area" in lines
+    assert "left out, since they do not apply to the scene: environment" in lines
+    (row,) = (line.split("│") for line in lines if "│ agree" in line)
+    seen = row[6].strip()
+    assert lines[-1].startswith(
+        f"the pair agrees; they would have shown a bias of {seen} at best, {seen} at worst"
+    )
+    assert ("could not see 5%" in lines[-1]) == (float(seen[:-1]) > 5)
+    assert "4/4" in err
