@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ class SurfaceHit:
     without textures. front: (n,), or (1,) for all, whether wo lies outside by the surface's orientation.
     tangent: (3, n) dp/du of any length, 0 for none; zeros (3, 1) in a scene of isotropic materials.
     shading_n: (3, n) unit shading normals on the side of wo, None in a scene shaded by geometric normals.
+    material: (n,) the row of each point's material, None in a scene without mixes.
     """
 
     p: Floats
@@ -32,6 +33,7 @@ class SurfaceHit:
     front: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     tangent: Floats = field(default_factory=lambda: np.zeros((3, 1)))
     shading_n: Floats | None = None
+    material: NDArray[np.int64] | None = None
 
     @property
     def ns(self) -> Floats:
@@ -55,7 +57,12 @@ class SurfaceHit:
             self.front if self.front.size == 1 else self.front[rows],
             self.tangent if self.tangent.shape[1] == 1 else self.tangent.take(rows, axis=1),
             None if self.shading_n is None else self.shading_n.take(rows, axis=1),
+            None if self.material is None else self.material[rows],
         )
+
+    def of_one_material(self) -> SurfaceHit:
+        """The points with the rows of their materials as their shapes, by which materials are numbered."""
+        return self if self.material is None else replace(self, shape=self.material, material=None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from renderer.build import Coincident, RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
 from renderer.geometry.cutouts import Cutouts
+from renderer.geometry.primitives import on_surfaces
 from renderer.geometry.relief import Reliefs
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
@@ -317,9 +318,9 @@ def _go_through(
     while rows.size:
         mine = d.take(rows, axis=1)
         p = _from(o, rows) + mine * t[rows]
-        _, n = _normals(scene, p.copy(), triangle[rows], primitive[rows])
-        missed = cutouts.missed(start, mine, p, n, shape[rows], triangle[rows], primitive[rows])
-        rows, mine, p = rows[missed], mine[:, missed], p[:, missed]
+        _, n = on_surfaces(scene.triangles, scene.analytic, p.copy(), triangle[rows], primitive[rows])
+        passed = cutouts.passed(start, mine, p, n, shape[rows], triangle[rows], primitive[rows])
+        rows, mine, p = rows[passed], mine[:, passed], p[:, passed]
         hit = _surface(scene, p, mine, shape[rows], triangle[rows], primitive[rows])
         start = hit.p
         further, shape[rows], triangle[rows], primitive[rows] = _nearest(scene, plan, start, mine, hit)
@@ -372,7 +373,8 @@ def _emission(
     )
     if rows.size:
         mine, own = d.take(rows, axis=1), shape[rows]
-        p, normal = _normals(scene, _from(o, rows) + mine * t[rows], triangle[rows], primitive[rows])
+        p = _from(o, rows) + mine * t[rows]
+        p, normal = on_surfaces(scene.triangles, scene.analytic, p, triangle[rows], primitive[rows])
         front = (dot(mine, normal) < 0) | scene.two_sided[own]
         le = with_emission_images(scene, scene.emission.take(own, axis=1), primitive[rows], p)
         le = np.where(front, le, 0.0)
@@ -400,7 +402,7 @@ def _surface(
     """Points near p (3, n), moved onto their surfaces, with normals on the side that rays d (3, n)
     come from.
     """
-    p, n = _normals(scene, p, triangle, primitive)
+    p, n = on_surfaces(scene.triangles, scene.analytic, p, triangle, primitive)
     front = dot(n, d) <= 0
     ns = None
     if scene.shading_normals is not None:
@@ -414,43 +416,28 @@ def _surface(
     if glowing.size:
         p[:, glowing] += n.take(glowing, axis=1) * scene.contact_epsilon
     hit = SurfaceHit(p, n, -d, shape, triangle, primitive, np.zeros((2, 1)), front, shading_n=ns)
-    if scene.coordinates is None:
-        return hit
-    hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))
+    if scene.coordinates is not None:
+        hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))
+    if scene.mixtures is not None:
+        hit = replace(hit, material=scene.mixtures.rows(hit))
     if scene.reliefs is not None:
-        hit = _embossed(scene.reliefs, hit, hit if scene.mixtures is None else scene.mixtures.chosen(hit))
-    if not scene.coordinates.oriented:
+        hit = _embossed(scene.reliefs, hit)
+    if scene.coordinates is None or not scene.coordinates.oriented:
         return hit
     return replace(hit, tangent=scene.coordinates.tangent(p, triangle, primitive))
 
 
-def _embossed(reliefs: Reliefs, hit: SurfaceHit, chosen: SurfaceHit) -> SurfaceHit:
-    """Points with the shading normals of their reliefs, on the side of wo.
-
-    chosen: the points with the row of the material that each is of in the place of their shape.
-    """
+def _embossed(reliefs: Reliefs, hit: SurfaceHit) -> SurfaceHit:
+    """Points with the shading normals of their reliefs, on the side of wo."""
     outside = np.where(hit.front, hit.ns, -hit.ns)
-    turned = reliefs.at(hit.p, outside, hit.uv, chosen.shape, (hit.triangle, hit.primitive), hit.n)
+    turned = reliefs.at(
+        hit.p, outside, hit.uv, hit.of_one_material().shape, (hit.triangle, hit.primitive), hit.n
+    )
     # The geometric normal on the outside, as pbrt orients it by the shading normal.
     n = np.where(dot(hit.n, outside) < 0, -hit.n, hit.n)
     turned = np.where(dot(turned, n) < 0, -turned, turned)
     front = dot(turned, hit.wo) >= 0
     return replace(hit, front=front, shading_n=np.where(front, turned, -turned))
-
-
-def _normals(
-    scene: RenderScene, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
-    """Points p (3, n) moved onto their surfaces, and the geometric normals (3, n) there."""
-    n = np.zeros_like(p)
-    if scene.triangles is not None:
-        n = scene.triangles.normal.take(np.maximum(triangle, 0), axis=1)
-    on_analytic = np.flatnonzero(primitive >= 0)
-    if on_analytic.size:
-        p[:, on_analytic], n[:, on_analytic] = scene.analytic.surface(
-            primitive[on_analytic], p.take(on_analytic, axis=1)
-        )
-    return p, n
 
 
 def _film(scene: RenderScene, chunks: list[_Chunk]) -> tuple[Film, float]:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.geometry.analytic import AnalyticPrimitives
+from renderer.geometry.primitives import on_surfaces
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates
-from renderer.interfaces.sampler import GOLDEN, mix
+from renderer.math.hashing import hash_vectors, to_unit
 from renderer.math.vectors import Floats, dot
 from renderer.textures import Places, evaluate
 from scenes.description.shapes import ShapeDescription
@@ -34,7 +35,7 @@ class Cutouts:
     alphas: tuple[tuple[int, Texture], ...]
     coordinates: Coordinates | None
 
-    def missed(
+    def passed(
         self,
         o: Floats,
         d: Floats,
@@ -54,7 +55,7 @@ class Cutouts:
                 uv = self._uv(p, triangle, primitive, rows)
                 at = Places(uv, p.take(rows, axis=1), n.take(rows, axis=1))
                 alpha[rows] = evaluate(texture, at)[0]
-        return _hashed(o, d) >= alpha
+        return to_unit(hash_vectors(o, d)) >= alpha
 
     def _uv(self, p: Floats, triangle: Integers, primitive: Integers, rows: Integers) -> Floats:
         if self.coordinates is None:
@@ -70,16 +71,8 @@ def cutouts(shapes: Sequence[ShapeDescription], coordinates: Coordinates | None)
     return Cutouts(np.array([s.alpha is not None for s in shapes]), alphas, coordinates)
 
 
-def _hashed(o: Floats, d: Floats) -> Floats:
-    """Numbers (n,) in [0, 1), one for each ray from o along d, (3, n) each."""
-    state = np.full(d.shape[1], GOLDEN, dtype=np.uint64)
-    for part in (*o, *d):
-        state = mix(state ^ np.ascontiguousarray(part + 0.0).view(np.uint64))
-    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
-
-
 @dataclass(frozen=True, eq=False)
-class Perforated:
+class CutoutBlockers:
     """The shapes with an alpha among those that may shade: their triangles and analytic primitives."""
 
     cutouts: Cutouts
@@ -108,10 +101,12 @@ class Perforated:
             triangle, primitive = triangle[met], primitive[met]
             o, wi = p.take(met, axis=1), wi.take(met, axis=1)
             p = o + wi * t
-            p, n, shape = self._surface(p, wi, triangle, primitive)
-            missed = self.cutouts.missed(o, wi, p, n, shape, triangle, primitive)
-            out[rows[~missed]] = True
-            on = np.flatnonzero(missed)
+            p, n = on_surfaces(self.triangles, self.all, p, triangle, primitive)
+            n = np.where(dot(n, wi) < 0, -n, n)
+            shape = self._shape(triangle, primitive)
+            passed = self.cutouts.passed(o, wi, p, n, shape, triangle, primitive)
+            out[rows[~passed]] = True
+            on = np.flatnonzero(passed)
             rows, left, triangle, primitive = rows[on], left[on], triangle[on], primitive[on]
             p, n, wi = p.take(on, axis=1), n.take(on, axis=1), wi.take(on, axis=1)
         return out
@@ -126,17 +121,10 @@ class Perforated:
         nearer = far < t
         return np.where(nearer, far, t), np.where(nearer, index, -1), np.where(nearer, -1, analytic)
 
-    def _surface(
-        self, p: Floats, wi: Floats, triangle: Integers, primitive: Integers
-    ) -> tuple[Floats, Floats, Integers]:
-        """Points p (3, n) on their surfaces, the normals (3, n) there on the side of wi, and the shapes."""
-        n = np.zeros_like(p)
-        shape = np.zeros(p.shape[1], dtype=np.int64)
-        flat, exact = np.flatnonzero(triangle >= 0), np.flatnonzero(primitive >= 0)
-        if self.triangles is not None and flat.size:
-            n[:, flat] = self.triangles.normal.take(triangle[flat], axis=1)
-            shape[flat] = self.triangles.shape[triangle[flat]]
-        if exact.size:
-            p[:, exact], n[:, exact] = self.all.surface(primitive[exact], p.take(exact, axis=1))
-            shape[exact] = self.all.shape[primitive[exact]]
-        return p, np.where(dot(n, wi) < 0, -n, n), shape
+    def _shape(self, triangle: Integers, primitive: Integers) -> Integers:
+        shape = self.all.shape.take(primitive) if len(self.all) else primitive
+        return (
+            shape
+            if self.triangles is None
+            else np.where(triangle >= 0, self.triangles.shape[triangle], shape)
+        )

@@ -60,6 +60,24 @@ def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
     )
 
 
+def on_surfaces(
+    triangles: Triangles | None,
+    analytic: AnalyticPrimitives,
+    p: Floats,
+    triangle: NDArray[np.int64],
+    primitive: NDArray[np.int64],
+) -> tuple[Floats, Floats]:
+    """Points p (3, n), changed in place, on their surfaces, and the geometric normals (3, n) there.
+
+    triangle, primitive: (n,) the triangle or the analytic primitive of each point, -1 for none.
+    """
+    n = np.zeros_like(p) if triangles is None else triangles.normal.take(np.maximum(triangle, 0), axis=1)
+    rows = np.flatnonzero(primitive >= 0)
+    if rows.size:
+        p[:, rows], n[:, rows] = analytic.surface(primitive[rows], p.take(rows, axis=1))
+    return p, n
+
+
 def without_skew(shape: ShapeDescription) -> ShapeDescription:
     """The shape, where emitting patches that are no rectangles are replaced by their triangles."""
     g = shape.geometry

@@ -1,4 +1,4 @@
-"""The protocol of a sampler, and the integer hash behind its keys."""
+"""The protocol of a sampler, and the keys of its pixels."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import ClassVar, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.math.hashing import GOLDEN, WORD, UInt64, mix
 from renderer.math.vectors import Floats
 from scenes.registry import Registry
 
 Integers = NDArray[np.int64]
-UInt64 = NDArray[np.uint64]
 
 
 @runtime_checkable
@@ -40,22 +40,8 @@ class Sampler(Protocol):
 
 SAMPLERS: Registry[type[Sampler]] = Registry("sampler", "renderer.samplers")
 
-GOLDEN = 0x9E3779B97F4A7C15
-
-
-def mix(x: UInt64) -> UInt64:
-    """A bijection of 64-bit integers in which each bit of x moves each bit of the result [steele2014, variant
-    13].
-    """
-    x = x ^ (x >> np.uint64(30))
-    x *= np.uint64(0xBF58476D1CE4E5B9)
-    x ^= x >> np.uint64(27)
-    x *= np.uint64(0x94D049BB133111EB)
-    x ^= x >> np.uint64(31)
-    return x
-
 
 def key(seed: int, pixel: Integers) -> UInt64:
     """A 64-bit key (n,) for each pixel of a seed."""
-    start = mix(np.array([seed & 0xFFFFFFFFFFFFFFFF], dtype=np.uint64) + np.uint64(GOLDEN))
+    start = mix(np.array([seed & WORD], dtype=np.uint64) + np.uint64(GOLDEN))
     return mix(mix(pixel.astype(np.uint64) + np.uint64(1)) + start)

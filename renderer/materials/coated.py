@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample, MaterialKind, material_kind
-from renderer.interfaces.sampler import GOLDEN, UInt64, mix
+from renderer.math.hashing import UInt64, hash_vectors, stream
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather, normalize
 from renderer.math.warp import cosine_hemisphere
 from renderer.records import BSDFSample, SurfaceHit
@@ -134,7 +134,7 @@ class CoatedMaterials:
             return out
         some, wi = hit.take(rows), wi.take(rows, axis=1)
         frame = self._frame(some)
-        walks = _Walks(self, some, _into(frame, some.wo), _into(frame, wi), _hash(some.p, some.wo, wi))
+        walks = _Walks(self, some, _into(frame, some.wo), _into(frame, wi), hash_vectors(some.p, some.wo, wi))
         out[:, rows] = walks.mean() + walks.coat.reflected(walks.wo, walks.wi)
         return out
 
@@ -370,12 +370,7 @@ class _Walks:
 
     def _numbers(self, rows: Rows, sample: int, depth: int, which: int, count: int) -> Floats:
         """(count, m) numbers in [0, 1) of their own for each row, walk, depth and use."""
-        key, first = self.key[rows], (sample << 40) + (depth << 4) + which + 1
-        out = np.zeros((count, rows.size))
-        for i in range(count):
-            bits = mix(key + np.uint64((first + i) * GOLDEN & 0xFFFFFFFFFFFFFFFF))
-            np.multiply(bits >> np.uint64(11), 2.0**-53, out=out[i])
-        return out
+        return stream(self.key[rows], (sample << 40) + (depth << 4) + which, count)
 
     def _walk(self, sample: int, rows: Rows) -> None:
         """Add one walk of some rows to the total."""
@@ -644,15 +639,6 @@ def _scatter(w: Floats, g: Floats, u: Floats) -> tuple[Floats, Floats]:
     sine, phi = np.sqrt((1.0 - cosine) * (1.0 + cosine)), 2 * np.pi * u[1]
     out = combine(frame_about(-w), sine * np.cos(phi), sine * np.sin(phi), cosine)
     return out, _phase(cosine, g)
-
-
-def _hash(*vectors: Floats) -> UInt64:
-    """A key (n,) of the bits of vectors (3, n)."""
-    key = np.zeros(vectors[0].shape[1], dtype=np.uint64)
-    for vector in vectors:
-        for part in vector:
-            key = mix(key + np.uint64(GOLDEN) ^ np.ascontiguousarray(part + 0.0).view(np.uint64))
-    return key
 
 
 MATERIALS.add("coated", CoatedMaterials)

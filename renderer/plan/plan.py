@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.build import RenderScene
-from renderer.geometry.cutouts import Perforated
+from renderer.geometry.cutouts import CutoutBlockers
 from renderer.geometry.triangles import Triangles
 from renderer.interfaces.light import Source
 from renderer.interfaces.material import Lobes
@@ -54,7 +54,7 @@ class RenderPlan:
     in_view: analytic primitives that a camera ray may meet. receivers: (s,) shapes to shade. shadow: (s, q)
     pairs with something in between. blockers: (s,) shapes that may shade. horizon: whether a light may dip
     below a receiver's horizon. emits: whether light is seen directly. shadow_triangles, shadow_analytic: the
-    blockers without an alpha. perforated: the blockers with an alpha, None without any. witness: receives
+    blockers without an alpha. shadow_cutouts: the blockers with an alpha, None without any. witness: receives
     every sample, for pictures of what an estimator does; None in every render.
     """
 
@@ -65,7 +65,7 @@ class RenderPlan:
     emits: bool
     shadow_triangles: Triangles | None
     shadow_analytic: NDArray[np.int64]
-    perforated: Perforated | None
+    shadow_cutouts: CutoutBlockers | None
     decisions: tuple[Decision, ...]
     seconds: float
     witness: Witness | None = None
@@ -94,7 +94,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         visible | (scene.sources.of_shape < 0) if "emission" in active else np.ones(count, dtype=np.bool_)
     )
     shades = proved.blockers if "blockers" in active else np.ones(count, dtype=np.bool_)
-    shadow_triangles, shadow_analytic, perforated = _shadow_casters(scene, shades)
+    shadow_triangles, shadow_analytic, shadow_cutouts = _shadow_casters(scene, shades)
     return RenderPlan(
         in_view=np.flatnonzero(in_view[scene.analytic.shape]),
         receivers=proved.lit if "reach" in active else np.ones(count, dtype=np.bool_),
@@ -103,7 +103,7 @@ def make_plan(scene: RenderScene, prune: bool = True, keep: frozenset[str] = fro
         emits=bool(seen.any()) if "emission" in active else True,
         shadow_triangles=shadow_triangles,
         shadow_analytic=shadow_analytic,
-        perforated=perforated,
+        shadow_cutouts=shadow_cutouts,
         decisions=decisions,
         seconds=time.perf_counter() - start,
     )
@@ -114,7 +114,7 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
     start = time.perf_counter()
     count = len(scene)
     everyone = np.ones(count, dtype=np.bool_)
-    triangles, analytic, perforated = _shadow_casters(scene, everyone)
+    triangles, analytic, shadow_cutouts = _shadow_casters(scene, everyone)
     lights = Decision("light", False, "ambient occlusion asks only what is open, not what shines", "none")
     return RenderPlan(
         in_view=np.arange(len(scene.analytic)),
@@ -124,7 +124,7 @@ def plan_occlusion(scene: RenderScene) -> RenderPlan:
         emits=False,
         shadow_triangles=triangles,
         shadow_analytic=analytic,
-        perforated=perforated,
+        shadow_cutouts=shadow_cutouts,
         decisions=(lights,),
         seconds=time.perf_counter() - start,
     )
@@ -184,15 +184,17 @@ def _corners(scene: RenderScene) -> Floats:
 
 def _shadow_casters(
     scene: RenderScene, shades: Bools
-) -> tuple[Triangles | None, NDArray[np.int64], Perforated | None]:
+) -> tuple[Triangles | None, NDArray[np.int64], CutoutBlockers | None]:
     """The blockers among shapes (s,): triangles and analytic primitives without an alpha, and those
     with one.
     """
     if scene.cutouts is None:
         return *_members(scene, shades), None
     some = scene.cutouts.some & shades
-    perforated = Perforated(scene.cutouts, *_members(scene, some), scene.analytic) if some.any() else None
-    return *_members(scene, shades & ~scene.cutouts.some), perforated
+    shadow_cutouts = (
+        CutoutBlockers(scene.cutouts, *_members(scene, some), scene.analytic) if some.any() else None
+    )
+    return *_members(scene, shades & ~scene.cutouts.some), shadow_cutouts
 
 
 def _members(scene: RenderScene, some: Bools) -> tuple[Triangles | None, NDArray[np.int64]]:

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from renderer.interfaces.sampler import GOLDEN, SAMPLERS, Integers, key, mix
+from renderer.interfaces.sampler import SAMPLERS, Integers, key
+from renderer.math.hashing import mix, stream
 from renderer.math.vectors import Floats
 
 SAMPLE_STRIDE = np.uint64(0xD1B54A32D192ED03)  # odd, so that distinct samples have distinct counters
@@ -26,11 +27,7 @@ class Independent:
 
     def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
         state = mix(key(self.seed, pixel) + sample.astype(np.uint64) * SAMPLE_STRIDE)
-        out = np.zeros((count, pixel.size))
-        for i in range(count):
-            bits = mix(state + np.uint64(((dim + i + 1) * GOLDEN) & 0xFFFFFFFFFFFFFFFF))
-            np.multiply(bits >> np.uint64(11), 2.0**-53, out=out[i])
-        return out
+        return stream(state, dim, count)
 
 
 SAMPLERS.add("independent", Independent)

@@ -18,7 +18,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.sampler import GOLDEN, SAMPLERS, Integers, UInt64, key, mix
+from renderer.interfaces.sampler import SAMPLERS, Integers, key
+from renderer.math.hashing import GOLDEN, UInt64, mix
 from renderer.math.vectors import Floats
 
 BITS = 32

@@ -17,7 +17,7 @@ from renderer.records import BSDFSample, SurfaceHit
 
 def bsdf_value(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
     """f(wo, wi) (3, n) in 1/sr without delta lobes; 0 where nothing is scattered."""
-    hit = _of_one_material(scene, hit)
+    hit = hit.of_one_material()
     if len(scene.materials) == 1:
         return scene.materials[0].evaluate(hit, wi)
     out = np.zeros_like(wi)
@@ -49,13 +49,8 @@ def sample_delta_lobes(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSa
     return replace(sample, pdf=np.where(specular, sample.pdf, 0.0))
 
 
-def _of_one_material(scene: RenderScene, hit: SurfaceHit) -> SurfaceHit:
-    """Points with the row of their material as their shape."""
-    return hit if scene.mixtures is None else scene.mixtures.chosen(hit)
-
-
 def _sample(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
-    hit = _of_one_material(scene, hit)
+    hit = hit.of_one_material()
     if len(scene.materials) == 1:
         return scene.materials[0].sample(hit, u)
     wi, value, pdf = np.zeros_like(hit.p), np.zeros_like(hit.p), np.zeros_like(u[0])
@@ -70,7 +65,7 @@ def _sample(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
 
 def bsdf_pdf(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> Floats:
     """Density (n,) in 1/sr of `sample_bsdf` along wi (3, n)."""
-    hit = _of_one_material(scene, hit)
+    hit = hit.of_one_material()
     if len(scene.materials) == 1:
         return scene.materials[0].pdf(hit, wi)
     out = np.zeros(wi.shape[1])

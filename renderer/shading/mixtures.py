@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from renderer.interfaces.sampler import GOLDEN, mix
-from renderer.math.vectors import Floats
+from renderer.math.hashing import hash_vectors, to_unit
 from renderer.records import SurfaceHit
 from renderer.textures import Places, evaluate
 from scenes.description.materials import MixedMaterial
@@ -37,18 +37,19 @@ class Mixtures:
 
     choices: tuple[_Choice, ...]
 
-    def chosen(self, hit: SurfaceHit) -> SurfaceHit:
-        """The points with the row of the material that each is of in the place of their shape."""
+    def rows(self, hit: SurfaceHit) -> NDArray[np.int64]:
+        """(n,): the row of the material of each point; the shape's own where it is no mix."""
         row = hit.shape.copy()
         for choice in self.choices:
             rows = np.flatnonzero(row == choice.row)
             if rows.size:
                 amount = evaluate(choice.amount, Places.of(hit, rows))[0]
                 # pbrt takes the second where amount >= u, and draws no u where the amount is 0 or 1.
-                u = _hashed(choice.salt, hit.p.take(rows, axis=1), hit.wo.take(rows, axis=1))
+                p, wo = hit.p.take(rows, axis=1), hit.wo.take(rows, axis=1)
+                u = to_unit(hash_vectors(p, wo, salt=choice.salt))
                 second = (amount >= 1) | ((amount > 0) & (amount >= u))
                 row[rows] = np.where(second, choice.second, choice.first)
-        return replace(hit, shape=row)
+        return row
 
 
 def mixtures(shapes: Sequence[ShapeDescription]) -> tuple[list[ShapeDescription], Mixtures | None]:
@@ -64,12 +65,3 @@ def mixtures(shapes: Sequence[ShapeDescription]) -> tuple[list[ShapeDescription]
             rows += [replace(shape, material=part, relief=relief) for part, relief in both]
             salts |= {at: 2 * salt, at + 1: 2 * salt + 1}
     return rows, Mixtures(tuple(choices)) if choices else None
-
-
-def _hashed(salt: int, *vectors: Floats) -> Floats:
-    """Numbers (n,) in [0, 1), one for each row of vectors (3, n)."""
-    state = np.full(vectors[0].shape[1], GOLDEN ^ salt, dtype=np.uint64)
-    for vector in vectors:
-        for part in vector:
-            state = mix(state ^ np.ascontiguousarray(part + 0.0).view(np.uint64))
-    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.build import RenderScene
-from renderer.geometry.cutouts import Perforated
+from renderer.geometry.cutouts import CutoutBlockers
 from renderer.interfaces.estimator import Reflected
 from renderer.math.vectors import Floats, dot, gather
 from renderer.plan.plan import RenderPlan
@@ -77,15 +77,15 @@ def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, ro
             else light
         )
         out |= scene.analytic.occluded(plan.shadow_analytic, p, wi, tmin, tmax, some.primitive, goal)
-    if plan.perforated is not None:
+    if plan.shadow_cutouts is not None:
         left = np.flatnonzero(~out)
-        out[left] = _stopped(scene, plan.perforated, some.take(left), wi.take(left, axis=1), dist[left])
+        out[left] = _stopped(scene, plan.shadow_cutouts, some.take(left), wi.take(left, axis=1), dist[left])
     if plan.witness is not None:
         plan.witness(some, wi, dist, np.ones_like(out), out)
     return out
 
 
-def _stopped(scene: RenderScene, holed: Perforated, hit: SurfaceHit, wi: Floats, dist: Floats) -> Bools:
+def _stopped(scene: RenderScene, holed: CutoutBlockers, hit: SurfaceHit, wi: Floats, dist: Floats) -> Bools:
     """(n,): whether a shape with an alpha stops the rays wi (3, n) within the distance dist (n,)."""
     reach = np.minimum(dist, scene.scene_diameter) - scene.contact_epsilon
     return holed.occluded(hit.p, hit.normal_towards(wi), hit.triangle, hit.primitive, wi, reach)

@@ -158,7 +158,7 @@ def test_a_scene_without_alpha_does_nothing_for_it() -> None:
     holed = parse(ABOVE + SUN + FLOOR + sheet(7, '"float alpha" 0.5'))
     whole = replace(holed, shapes=tuple(replace(s, alpha=None) for s in holed.shapes))
     plans = [make_plan(build(scene)) for scene in (holed, whole)]
-    assert [plan.perforated is None for plan in plans] == [False, True]
+    assert [plan.shadow_cutouts is None for plan in plans] == [False, True]
     told = [d.needed for plan in plans for d in plan.decisions if d.effect == "holes in surfaces"]
     assert told == [True, False]
 

@@ -129,12 +129,12 @@ def test_points_choose_alone_and_nested_choices_are_independent() -> None:
     none, up = np.zeros(n, dtype=np.int64), np.repeat([[0.0], [0.0], [1.0]], n, axis=1)
     wo = normalize(rng.normal(size=(3, n)))
     hit = SurfaceHit(rng.normal(size=(3, n)), up, wo, none, none, none, np.zeros((2, 1)))
-    row = built.mixtures.chosen(hit).shape
+    row = built.mixtures.rows(hit)
     counts = np.bincount(row, minlength=7)
     assert counts[:3].tolist() == [0, 0, 0]
     assert (np.abs(counts[3:] - n / 4) < 4.5 * np.sqrt(n * 3 / 16)).all()
     some = np.arange(0, n, 997)
-    np.testing.assert_array_equal(built.mixtures.chosen(hit.take(some)).shape, row[some])
+    np.testing.assert_array_equal(built.mixtures.rows(hit.take(some)), row[some])
 
 
 @pytest.mark.parametrize("moved", ["p", "wo"])
@@ -147,7 +147,7 @@ def test_a_choice_is_of_the_point_and_of_the_direction(moved: str) -> None:
     rng = np.random.default_rng(6)
     hit = SurfaceHit(rng.normal(size=(3, n)), up, rng.normal(size=(3, n)), none, none, none, np.zeros((2, 1)))
     other = replace(hit, p=hit.p + 1e-9) if moved == "p" else replace(hit, wo=hit.wo + 1e-9)
-    changed = (built.mixtures.chosen(hit).shape != built.mixtures.chosen(other).shape).mean()
+    changed = (built.mixtures.rows(hit) != built.mixtures.rows(other)).mean()
     assert abs(changed - 0.5) < 4.5 * 0.5 / np.sqrt(n)
 
 
