@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from renderer.geometry.analytic import AnalyticPrimitives, join, primitives_of
 from renderer.geometry.triangles import Triangles, make_triangles
 from renderer.math.vectors import Floats
-from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
+from scenes.description.patches import refined
+from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
 
 # Emitting meshes of at most so many faces are analytic: each face costs every ray some 20 ns there.
@@ -79,10 +80,23 @@ def on_surfaces(
 
 
 def without_skew(shape: ShapeDescription) -> ShapeDescription:
-    """The shape, where emitting patches that are no rectangles are replaced by their triangles."""
+    """The shape, where patches are replaced by triangles if they emit and are no rectangles, or if texture
+    coordinates matter and are no affine function of the point: those follow a patch to 1e-3 of their range.
+    """
     g = shape.geometry
+    if isinstance(g, BilinearMesh) and shape.needs_uv and not g.are_parallelograms():
+        if shape.emission is not None and shape.emission.image is not None:
+            raise SceneError("a light with an image must be a rectangle; this one is not", shape.where)
+        return replace(shape, geometry=_refined(g, shape))
     if shape.emission is None or (isinstance(g, BilinearMesh) and g.are_rectangles()):
         return shape
     if shape.emission.image is not None:
         raise SceneError("a light with an image must be a rectangle; this one is not", shape.where)
     return replace(shape, geometry=g.triangulated()) if isinstance(g, BilinearMesh) else shape
+
+
+def _refined(mesh: BilinearMesh, shape: ShapeDescription) -> TriangleMesh:
+    try:
+        return refined(mesh.vertices, mesh.faces, mesh.uv, None, mesh.reverse, smooth=False)
+    except ValueError as error:
+        raise SceneError(str(error), shape.where) from None

@@ -17,8 +17,7 @@ from renderer.geometry.primitives import is_analytic
 from renderer.geometry.quadrics import texture_coordinates, to_world
 from renderer.math.vectors import Floats, cross, dot
 from scenes.description.materials import is_oriented
-from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription
-from scenes.errors import SceneError
+from scenes.description.shapes import Mesh, ShapeDescription
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +135,7 @@ def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def coordinates(shapes: Sequence[ShapeDescription], analytic: AnalyticPrimitives) -> Coordinates | None:
     """The coordinates of a scene in which a surface varies, else None. analytic: the primitives of these
-    shapes. Raises SceneError for a varying patch that is no parallelogram.
+    shapes, of whose varying patches all are parallelograms.
     """
     if not any(s.needs_uv for s in shapes):
         return None
@@ -178,9 +177,6 @@ def _faces(s: ShapeDescription, mesh: Mesh) -> tuple[Floats, Floats]:
     """Corners (m, 3, 3) of faces and their coordinates (m, 3, 2), three corners a face. An analytic patch is
     one face, any other patch two.
     """
-    if isinstance(mesh, BilinearMesh) and s.needs_uv and not mesh.are_parallelograms():
-        what = "anisotropic roughness" if is_oriented(s.material) else "a texture"
-        raise SceneError(f"{what} on a patch that is no parallelogram is not supported", s.where)
     if is_analytic(s):
         return mesh.vertices[mesh.faces[:, :3]], mesh.corner_uv()[:, :3]
     return mesh.vertices[mesh.triangulated().faces], mesh.triangle_uv()

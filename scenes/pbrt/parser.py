@@ -18,7 +18,7 @@ import numpy as np
 
 from scenes.description.materials import MixedMaterial
 from scenes.description.scene import SceneDescription
-from scenes.description.shapes import BilinearMesh, Emission, Geometry, Quadric, ShapeDescription
+from scenes.description.shapes import Emission, Geometry, Quadric, ShapeDescription
 from scenes.errors import PenumbraError, Report, SceneError
 from scenes.files import Files
 from scenes.pbrt.directives.emission import apply_area_light
@@ -26,7 +26,6 @@ from scenes.pbrt.directives.environment import sum_environments
 from scenes.pbrt.directives.integrator import check_delta
 from scenes.pbrt.directives.materials import resolve_material, resolve_relief
 from scenes.pbrt.directives.media import check_media, surfaces
-from scenes.pbrt.directives.patches import refined
 from scenes.pbrt.directives.shapes import resolve_alpha
 from scenes.pbrt.instances import expand_instances
 from scenes.pbrt.reader import Reader
@@ -141,10 +140,9 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     material = resolve_material(placed.material, builder)
     alpha, relief = resolve_alpha(placed.alpha, builder), resolve_relief(placed.material, builder)
     varies = material.needs_uv or relief is not None or not (alpha is None or isinstance(alpha, np.ndarray))
-    geometry = _affine(placed, builder) if varies else placed.geometry
-    parts: list[tuple[Geometry, Emission | None]] = [(geometry, None)]
+    parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
     if placed.light is not None:
-        parts = [*apply_area_light(geometry, placed.light, placed.where, builder.report)]
+        parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]
     if isinstance(alpha, np.ndarray) and not alpha.any() and placed.light is None:
         return []  # no ray ever meets it
     mixed = isinstance(material, MixedMaterial) and material.has_relief
@@ -157,19 +155,3 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     if not varies:
         parts = [(geometry.untextured(), emission) for geometry, emission in parts]
     return [ShapeDescription(one, material, emission, placed.where, alpha, relief) for one, emission in parts]
-
-
-def _affine(placed: PlacedShape, builder: Builder) -> Geometry:
-    """The geometry, patches that their coordinates do not lie on affinely as triangles."""
-    geometry = placed.geometry
-    if not isinstance(geometry, BilinearMesh) or geometry.are_parallelograms():
-        return geometry
-    builder.report.remark(
-        "a patch that is no parallelogram, in space or in its texture coordinates, is textured as triangles, "
-        "off by at most 1e-3 of the coordinates' range",
-        placed.where,
-    )
-    try:
-        return refined(geometry.vertices, geometry.faces, geometry.uv, None, geometry.reverse, smooth=False)
-    except ValueError as error:
-        raise SceneError(str(error), placed.where) from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -149,6 +149,17 @@ class PlacedShape:
     alpha: Alpha | None = None
 
 
+@dataclass(eq=False)
+class MediumUse:
+    """Media at a camera or at a shape. owner: the object that the shape is part of. parts: the shape, empty
+    for a camera and where no ray meets it.
+    """
+
+    media: MediumInterface
+    owner: str | None = None
+    parts: Sequence[PlacedShape] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class InstanceUse:
     """An `ObjectInstance`."""
@@ -197,9 +208,7 @@ class Builder:
     without_lights: Location | None = None
     integrator: tuple[str, Location] | None = None
     media: dict[str, Location] = field(default_factory=dict[str, Location])
-    media_used: list[tuple[MediumInterface, str | None]] = field(
-        default_factory=list[tuple[MediumInterface, str | None]]
-    )
+    media_used: list[MediumUse] = field(default_factory=list[MediumUse])
     interfaces: int = 0
     materials: dict[str, MaterialUse] = field(default_factory=dict[str, MaterialUse])
     textures: dict[tuple[str, str], NamedTexture] = field(default_factory=dict[tuple[str, str], NamedTexture])

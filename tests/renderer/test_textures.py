@@ -15,7 +15,6 @@ from scenes.description.lights import Environment
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import BilinearMesh, Disk, Emission, ShapeDescription, Sphere, TriangleMesh
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, UVMapping
-from scenes.errors import SceneError
 from tests.kit.scenes import floor, light, places, scene
 
 RED, GREEN = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.6, 0.1])
@@ -151,14 +150,6 @@ def test_spheres_and_disks_have_angles_about_their_own_axes():
     np.testing.assert_allclose(
         coordinates(plate, [[0, 0, 1.0], [0, -2, 0]]), [[0.25, 0.5], [0.5, 0.0]], atol=1e-15
     )
-
-
-def test_a_texture_on_a_patch_that_is_no_parallelogram_is_refused():
-    bent = QUAD.copy()
-    bent[3] = [2.0, 0, 2.0]
-    shape = ShapeDescription(BilinearMesh(bent, np.array([[0, 1, 2, 3]])), Diffuse(Checkerboard(RED, GREEN)))
-    with pytest.raises(SceneError, match="no parallelogram"):
-        build(scene([shape, light(Sphere(np.array([0.0, 5, 0]), 1.0))]))
 
 
 def test_a_textured_floor_under_a_constant_sky_shows_its_texture():

@@ -18,7 +18,7 @@ from scenes.description.scene import (
 )
 from scenes.errors import SceneError
 from scenes.pbrt.directives.realistic import thin_lens
-from scenes.pbrt.state import DEFAULT_FILTER, FILTERS, Builder, refuse_kind, require_value
+from scenes.pbrt.state import DEFAULT_FILTER, FILTERS, Builder, MediumUse, refuse_kind, require_value
 from scenes.pbrt.text.parameters import SRGB, Parameters
 from scenes.pbrt.transforms import FLAT, rigid
 
@@ -46,7 +46,7 @@ def camera(builder: Builder, kind: str, parameters: Parameters) -> None:
         raise SceneError(FLAT, parameters.where)
     builder.check_placed("a camera", parameters.where)
     if builder.state.media is not None:
-        builder.media_used.append((replace(builder.state.media, inside=""), None))
+        builder.media_used.append(MediumUse(replace(builder.state.media, inside="")))
     builder.camera = PerspectiveCamera(np.eye(4), 90.0)  # holds while the rest of a refused scene is read
     refuse_kind(kind, " ".join(KINDS), parameters)
     lens = _lens(parameters)

@@ -2,19 +2,22 @@
 
 No medium is simulated. pbrt's surface integrators ignore media too, so a medium counts only under a
 volumetric integrator. Even then a ray must be able to enter it: from a camera inside, or at a surface between
-two media.
+two media that is not closed around one of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+from scenes.description.shapes import Geometry
 from scenes.errors import Location, SceneError
+from scenes.pbrt.directives.enclosures import enclosure, hides
 from scenes.pbrt.state import (
     AreaLight,
     Builder,
     Interface,
     MaterialUse,
+    MediumUse,
     NamedMaterial,
     PlacedShape,
     check_room,
@@ -68,25 +71,41 @@ def surfaces(builder: Builder, shapes: Iterable[PlacedShape]) -> list[PlacedShap
 
 def check_media(builder: Builder) -> None:
     """Raise SceneError for a medium that is used but never made."""
-    for media, _ in builder.media_used:
-        for name in filter(None, (media.inside, media.outside)):
+    for use in builder.media_used:
+        for name in filter(None, (use.media.inside, use.media.outside)):
             if name not in builder.media:
                 there = ", ".join(builder.media) or "none"
-                raise SceneError(f"no medium is called {name!r}; there are: {there}", media.where)
+                raise SceneError(f"no medium is called {name!r}; there are: {there}", use.media.where)
 
 
 def report_media(builder: Builder) -> None:
     """Report each medium that would change the image, and interfaces that pbrt would let block light."""
     kind, place = builder.integrator or ("volpath", None)
     instanced = {None, *(use.name for use in builder.uses)}
-    for media, owner in builder.media_used:
-        if media.inside == media.outside or owner not in instanced:  # no ray enters it there
+    emitters = [shape.geometry for shape in builder.shapes if shape.light is not None]
+    for use in builder.media_used:
+        media = use.media
+        if media.inside == media.outside or use.owner not in instanced:  # no ray enters it there
             continue
         if kind in VOLUMETRIC:
-            builder.report.substitute("a medium", "as empty space", media.where)
+            if not _enclosed(builder, use, emitters):
+                builder.report.substitute("a medium", "as empty space", media.where)
         else:
             ignored = f'a medium is left out, as pbrt leaves it out with Integrator "{kind}"'
             builder.report.remark(ignored, media.where)
     blockable = kind == "ambientocclusion" or any(not light.surrounds for light in builder.lights)
     if builder.interfaces and kind not in VOLUMETRIC and place is not None and blockable:
         builder.report.note(BLOCKING, place)
+
+
+def _enclosed(builder: Builder, use: MediumUse, emitters: Sequence[Geometry]) -> bool:
+    """Whether closed surfaces hide the medium from direct light: see `enclosures`."""
+
+    def encloses(part: PlacedShape) -> bool:
+        if part.alpha is not None or part.light is not None or is_interface(builder, part.material):
+            return False
+        shell = enclosure(part.geometry)
+        outside = None if shell is None else use.media.outside if shell.outward else use.media.inside
+        return shell is not None and outside == "" and hides(shell, builder.camera, builder.lights, emitters)
+
+    return use.owner is None and bool(use.parts) and all(encloses(part) for part in use.parts)

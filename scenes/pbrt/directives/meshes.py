@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenes.description.patches import curved, patch_problem, refined
 from scenes.description.shapes import BilinearMesh, Geometry, TriangleMesh, halves
 from scenes.errors import PenumbraError, SceneError
-from scenes.pbrt.directives.patches import curved, patch_problem, refined
 from scenes.pbrt.state import AreaLight
 from scenes.pbrt.text.numbers import Values
 from scenes.pbrt.text.parameters import Parameters

@@ -34,7 +34,7 @@ from scenes.pbrt.directives.media import is_interface, leave_out
 from scenes.pbrt.directives.meshes import Placement, bilinear_mesh, ply_mesh, triangle_mesh
 from scenes.pbrt.directives.subdivision import loop_subdivision
 from scenes.pbrt.directives.textures import named_texture
-from scenes.pbrt.state import Alpha, AreaLight, Builder, NamedNumbers, PlacedShape, check_room
+from scenes.pbrt.state import Alpha, AreaLight, Builder, MediumUse, NamedNumbers, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
 from scenes.pbrt.transforms import COORDINATE_LIMIT, FLAT, Transform, orthonormal, uniform_scale, unit
@@ -51,8 +51,9 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
     state = builder.state
     parameters.owner = kind
     builder.check_placed("a shape", parameters.where)
-    if state.media is not None:
-        builder.media_used.append((state.media, builder.current_object))
+    use = None if state.media is None else MediumUse(state.media, builder.current_object)
+    if use is not None:
+        builder.media_used.append(use)
     if is_interface(builder, state.material):
         parameters.ignore()
         leave_out(builder, state.light, parameters.where)
@@ -77,6 +78,8 @@ def shape(builder: Builder, kind: str, parameters: Parameters) -> None:
     target = builder.shapes if builder.current_object is None else builder.objects[builder.current_object]
     check_room(target, "shapes", parameters.where)
     target.extend(placed)
+    if use is not None:
+        use.parts = placed
 
 
 def kinds() -> tuple[str, ...]:

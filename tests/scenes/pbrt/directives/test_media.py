@@ -107,8 +107,69 @@ def test_strict_and_substitute_exclude_each_other() -> None:
 def test_many_media_are_one_line_with_their_number() -> None:
     """Exporters name a medium a shape; a line each would hide what else is wrong."""
     made = "".join(f'MakeNamedMedium "m{i}" "string type" "cloud"\n' for i in range(60))
-    used = "".join(f'MediumInterface "m{i}" "" Shape "sphere"\n' for i in range(60))
+    used = "".join(f'MediumInterface "m{i}" "" {TRIANGLE}\n' for i in range(60))
     head = HEAD.replace('"path"', '"volpath"')
     with pytest.raises(SceneError, match=r"a medium is not supported; .* and 59 more") as caught:
         parse(head + made + used)
     assert "\n" not in str(caught.value)
+
+
+CUBE = (
+    'Shape "trianglemesh" "point3 P" [ -1 -1 -1  1 -1 -1  1 1 -1  -1 1 -1  -1 -1 1  1 -1 1  1 1 1  -1 1 1 ] '
+    '"integer indices" [ 0 2 1  0 3 2  4 5 6  4 6 7  0 1 5  0 5 4  1 2 6  1 6 5  2 3 7  2 7 6 '
+    "3 0 4  3 4 7 ] "
+)
+CORNER_NORMALS = '"normal N" [ -1 -1 -1  1 -1 -1  1 1 -1  -1 1 -1  -1 -1 1  1 -1 1  1 1 1  -1 1 1 ] '
+WITHIN, AROUND = 'MediumInterface "fog" ""', 'MediumInterface "" "fog"'
+GLASS = 'Material "dielectric" '
+
+
+@pytest.mark.parametrize(
+    "shell",
+    [
+        f'{WITHIN} {GLASS} Shape "sphere"',
+        f'{AROUND} {GLASS} ReverseOrientation Shape "sphere"',
+        f'{AROUND} {GLASS} Scale -1 1 1 Shape "sphere"',
+        f"{WITHIN} {GLASS} {CUBE}",
+        f"{WITHIN} {GLASS} {CUBE} {CORNER_NORMALS}",
+        f"{WITHIN} {GLASS} Scale 1 2 1 Rotate 30 1 2 3 {CUBE}",
+        f"{AROUND} {GLASS} ReverseOrientation {CUBE}",
+        f'{WITHIN} Material "coateddiffuse" {CUBE}',
+        f'{WITHIN} {GLASS} {CUBE} Translate 9 9 9 MediumInterface "" AreaLightSource "diffuse" {CUBE}',
+    ],
+)
+def test_a_medium_behind_a_closed_surface_is_of_no_effect(shell: str) -> None:
+    scene = parse(f"{VOLUME}{LIGHT}{FLOOR}{FOG}{shell}", strict=True)
+    bare = parse(f"{VOLUME}{LIGHT}{FLOOR}{shell.replace(WITHIN, '').replace(AROUND, '')}")
+    assert scene.content_hash() == bare.content_hash()
+
+
+@pytest.mark.parametrize(
+    "shell",
+    [
+        f'{AROUND} {GLASS} Shape "sphere"',
+        f"{WITHIN} {GLASS} ReverseOrientation {CUBE}",
+        f"{WITHIN} {GLASS} {CUBE.replace('3 0 4  3 4 7', '3 0 4')}",
+        f"{WITHIN} {GLASS} {CUBE.replace('3 0 4  3 4 7', '3 0 4  4 3 7')}",
+        f"{WITHIN} {GLASS} {CUBE} {CORNER_NORMALS.replace('[ -1 -1 -1', '[ 1 1 1')}",
+        f'{WITHIN} {GLASS} {CUBE} "float alpha" 0.5',
+        f'{WITHIN} Material "interface" {CUBE}',
+        f"{WITHIN} {GLASS} Scale 9 9 9 {CUBE}",
+        f'{WITHIN} {GLASS} {CUBE} LightSource "point" "point3 from" [ 0.5 0 0 ]',
+        f'{WITHIN} {GLASS} {CUBE} MediumInterface "" Scale .1 .1 .1 AreaLightSource "diffuse" {CUBE}',
+        f'{WITHIN} {GLASS} AreaLightSource "diffuse" {CUBE}',
+        f'{WITHIN} {GLASS} Shape "cylinder"',
+    ],
+)
+def test_a_medium_that_direct_light_may_cross_is_refused(shell: str) -> None:
+    with pytest.raises(SceneError, match="a medium is not supported"):
+        parse(f"{VOLUME}{LIGHT}{FLOOR}{FOG}{shell}")
+
+
+@pytest.mark.parametrize("material", ['"dielectric"', '"dielectric" "float roughness" .3', '"coateddiffuse"'])
+def test_direct_light_crosses_no_closed_surface(material: str) -> None:
+    """A black ball within is the thickest of all media: without it, the image is the same to the bit."""
+    shell = f'LightSource "infinite" Material {material} Shape "sphere" '
+    black = 'Material "diffuse" "rgb reflectance" [ 0 0 0 ] Shape "sphere" "float radius" 0.99'
+    images = [render(parse(VOLUME + FLOOR + shell + more), spp=4).image for more in ("", black)]
+    assert images[0].max() > 0 and np.array_equal(*images)

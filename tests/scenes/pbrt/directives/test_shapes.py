@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scenes.description.patches import curved, patch_problem
 from scenes.description.shapes import BilinearMesh, Disk, Quadric, Sphere, TriangleMesh
-from scenes.pbrt.directives.patches import curved, patch_problem
 from tests.kit.scene_texts import PATCH, TRIANGLE, face_normals, world, world_fails
 
 LIGHT = 'AreaLightSource "diffuse"\n'

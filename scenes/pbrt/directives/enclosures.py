@@ -1,0 +1,124 @@
+"""Closed surfaces around media: what lies behind one, direct light never crosses.
+
+In pbrt a ray is in the medium of the side of the surface that it leaves. A camera outside a closed surface
+sees its outside, and reflected rays stay there. Transmitted rays enter the medium and meet the surface again
+from inside, where direct light ends, unless a light lies within. Opaque or clear, such a surface hides its
+medium from the direct component. Surfaces are taken not to cut themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array  # pyright: ignore[reportMissingTypeStubs]
+from scipy.sparse.csgraph import (  # pyright: ignore[reportMissingTypeStubs]
+    connected_components,  # pyright: ignore[reportUnknownVariableType]
+)
+
+from scenes.description.lights import Light
+from scenes.description.scene import Camera, OrthographicCamera
+from scenes.description.shapes import Array, Geometry, Sphere, TriangleMesh
+
+EMPTY = 1e-6  # of a winding number, which is whole away from the surface
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """A closed surface. low, high: (3,) its box. outward: whether its normals point away from what it
+    encloses. triangles: (t, 3, 3), None for a ball that fills its box.
+    """
+
+    low: Array
+    high: Array
+    outward: bool
+    triangles: Array | None
+
+    def holds(self, p: Array) -> bool:
+        """Whether a point (3,) may lie inside or on it."""
+        if not ((p >= self.low) & (p <= self.high)).all():
+            return False
+        return True if self.triangles is None else abs(_winding(p, self.triangles)) > EMPTY
+
+    def apart(self, low: Array, high: Array) -> bool:
+        """Whether a box lies wholly outside its own."""
+        return bool(((high < self.low) | (low > self.high)).any())
+
+
+def enclosure(geometry: Geometry) -> Enclosure | None:
+    """A geometry as a closed surface; None where it is none, or faces both ways."""
+    low, high = _box(geometry)
+    if isinstance(geometry, Sphere):
+        return Enclosure(low, high, not geometry.reverse, None)
+    if not isinstance(geometry, TriangleMesh):
+        return None
+    corners = geometry.vertices[geometry.faces]
+    side = _side(corners)
+    if side is None:
+        return None
+    if geometry.normals is not None:
+        # pbrt turns the face's normal to the side of its vertex normals.
+        face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        agree = np.einsum("tc,tkc->tk", face, geometry.normals[geometry.faces]) * side
+        if not ((agree > 0).all() or (agree < 0).all()):
+            return None
+        return Enclosure(low, high, bool((agree > 0).all()), corners)
+    return Enclosure(low, high, (side > 0) != geometry.reverse, corners)
+
+
+def hides(shell: Enclosure, camera: Camera, lights: Iterable[Light], emitters: Iterable[Geometry]) -> bool:
+    """Whether the camera and all light are outside a closed surface."""
+    if isinstance(camera, OrthographicCamera):
+        return False  # its rays start all over the film
+    eye = camera.camera_to_world[:3, 3]
+    if camera.lens is not None:
+        reach = camera.lens.radius * np.linalg.norm(camera.camera_to_world[:3, :2], axis=1)
+        if not shell.apart(eye - reach, eye + reach):
+            return False
+    elif shell.holds(eye):
+        return False
+    places = (light.place for light in lights)
+    if any(place is not None and shell.holds(place) for place in places):
+        return False
+    return all(shell.apart(*_box(one)) for one in emitters)
+
+
+def _box(geometry: Geometry) -> tuple[Array, Array]:
+    return geometry.corners.min(axis=0), geometry.corners.max(axis=0)
+
+
+def _side(corners: Array) -> float | None:
+    """1 where each part of triangles (t, 3, 3) is closed and turns its face normals outwards, -1 inwards;
+    None where some edge has not two faces that turn the same way, or parts differ.
+    """
+    points, number = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    faces: NDArray[np.int64] = number.reshape(-1, 3).astype(np.int64)
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    faces = faces[whole]
+    if not len(faces):
+        return None
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    forward, back = np.sort(start * len(points) + end), np.sort(end * len(points) + start)
+    if (np.diff(forward) == 0).any() or not np.array_equal(forward, back):
+        return None
+    a, b, c = np.moveaxis(points[faces] - points.mean(axis=0), 1, 0)
+    part = _parts(start, end, len(points))[faces[:, 0]]
+    volume = np.bincount(part, np.einsum("tc,tc->t", a, np.cross(b, c)))[np.unique(part)]
+    return 1.0 if (volume > 0).all() else -1.0 if (volume < 0).all() else None
+
+
+def _parts(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """(count,) the number of the part that each point belongs to. start, end: of the edges."""
+    links = coo_array((np.ones(start.size), (start, end)), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
+def _winding(p: Array, triangles: Array) -> float:
+    """How often triangles (t, 3, 3) go round a point (3,): their solid angles over 4 pi [vanoosterom1983]."""
+    a, b, c = np.moveaxis(triangles - p, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    triple = np.einsum("tc,tc->t", a, np.cross(b, c))
+    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    return float(np.arctan2(triple, below).sum() / (2 * np.pi))
