@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from scipy.sparse.csgraph import (  # pyright: ignore[reportMissingTypeStubs]
 )
 
 from scenes.description.lights import Light
-from scenes.description.scene import Camera, OrthographicCamera
+from scenes.description.scene import Camera
 from scenes.description.shapes import Array, Geometry, Sphere, TriangleMesh
 
 EMPTY = 1e-6  # of a winding number, which is whole away from the surface
@@ -47,30 +48,38 @@ class Enclosure:
         return bool(((high < self.low) | (low > self.high)).any())
 
 
+@singledispatch
 def enclosure(geometry: Geometry) -> Enclosure | None:
     """A geometry as a closed surface; None where it is none, or faces both ways."""
-    low, high = _box(geometry)
-    if isinstance(geometry, Sphere):
-        return Enclosure(low, high, not geometry.reverse, None)
-    if not isinstance(geometry, TriangleMesh):
-        return None
+    return None
+
+
+@enclosure.register
+def _(geometry: Sphere) -> Enclosure:
+    return Enclosure(*_box(geometry), not geometry.reverse, None)
+
+
+@enclosure.register
+def _(geometry: TriangleMesh) -> Enclosure | None:
     corners = geometry.vertices[geometry.faces]
     side = _side(corners)
     if side is None:
         return None
+    outward = (side > 0) != geometry.reverse
     if geometry.normals is not None:
         # pbrt turns the face's normal to the side of its vertex normals.
         face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        agree = np.einsum("tc,tkc->tk", face, geometry.normals[geometry.faces]) * side
-        if not ((agree > 0).all() or (agree < 0).all()):
+        met = face.any(axis=1)  # no ray meets a face without area
+        agree = np.einsum("tc,tkc->tk", face[met], geometry.normals[geometry.faces[met]]) * side
+        outward = bool((agree > 0).all())
+        if not outward and not (agree < 0).all():
             return None
-        return Enclosure(low, high, bool((agree > 0).all()), corners)
-    return Enclosure(low, high, (side > 0) != geometry.reverse, corners)
+    return Enclosure(*_box(geometry), outward, corners)
 
 
 def hides(shell: Enclosure, camera: Camera, lights: Iterable[Light], emitters: Iterable[Geometry]) -> bool:
     """Whether the camera and all light are outside a closed surface."""
-    if isinstance(camera, OrthographicCamera):
+    if camera.kind == "orthographic":
         return False  # its rays start all over the film
     eye = camera.camera_to_world[:3, 3]
     if camera.lens is not None:

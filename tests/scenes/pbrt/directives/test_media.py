@@ -132,6 +132,7 @@ GLASS = 'Material "dielectric" '
         f'{AROUND} {GLASS} Scale -1 1 1 Shape "sphere"',
         f"{WITHIN} {GLASS} {CUBE}",
         f"{WITHIN} {GLASS} {CUBE} {CORNER_NORMALS}",
+        f"{WITHIN} {GLASS} {CUBE.replace('4 5 6', '4 4 5  4 5 6')} {CORNER_NORMALS}",
         f"{WITHIN} {GLASS} Scale 1 2 1 Rotate 30 1 2 3 {CUBE}",
         f"{AROUND} {GLASS} ReverseOrientation {CUBE}",
         f'{WITHIN} Material "coateddiffuse" {CUBE}',
