@@ -55,7 +55,8 @@ def _microfacets(mi: Any) -> Any:
 
         def __init__(self, props: Any) -> None:
             mi.BSDF.__init__(self, props)
-            self.spread = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, props["alpha"], True)
+            across = props["alpha_v"] if props.has_property("alpha_v") else props["alpha"]
+            self.spread = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, props["alpha"], across, True)
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[0]

@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.references.mitsuba.surfaces import bitmap, bsdf, is_textured
 from pipeline.references.mitsuba.worker import Faces, Plugin
+from scenes.description.materials import is_oriented
 from scenes.description.shapes import (
     PATCH_UV,
     SEGMENTS,
@@ -144,6 +145,10 @@ def _(geometry: Quadric, shape: ShapeDescription, frame: Frame, shift: float) ->
 
     An emitter's have their own normals, and its area is 2.5e-5 too small.
     """
+    if is_oriented(shape.material):
+        raise SceneError(
+            f"anisotropic roughness on a part of a {geometry.form} is not handed to Mitsuba", shape.where
+        )
     yield _mesh(shape, geometry.as_mesh(SEGMENTS, smooth=shape.emission is None), frame, shift)
 
 
@@ -156,7 +161,8 @@ def _(geometry: BilinearMesh, shape: ShapeDescription, frame: Frame, shift: floa
             yield _plugin("rectangle", shape, to_uv, {"to_world": to_world})
         return
     _check_convex(geometry, shape)
-    if is_textured(shape.material, shape.where) and not geometry.are_parallelograms():
+    varies = is_textured(shape.material, shape.where) or is_oriented(shape.material)
+    if varies and not geometry.are_parallelograms():
         raise SceneError(
             "a texture on a bilinear patch that is no parallelogram cannot be given to Mitsuba", shape.where
         )
@@ -203,7 +209,7 @@ def _mesh(shape: ShapeDescription, mesh: Mesh, frame: Frame, shift: float) -> Pl
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         if not ((length > 0) & (length < np.inf)).all():
             raise SceneError("Mitsuba needs vertex normals of a length, and one has none", shape.where)
-    if is_textured(shape.material, shape.where):
+    if is_textured(shape.material, shape.where) or is_oriented(shape.material):
         corners = mesh.triangle_uv()
         uv = (corners[:, ::-1] if mesh.reverse else corners).reshape(-1, 2)
     if uv is not None or shift:  # every face on its own

@@ -19,6 +19,7 @@ from scenes.description.shapes import Array
 from scenes.description.textures import Checkerboard, ImageTexture, Mix, Product, Texture, UVMapping
 from scenes.errors import Location, SceneError
 
+ASKEW = 1e-9  # of coordinates' axes whose parts in each other are rounding
 MOST_TEXELS = 2**24  # of a product of two images: 200 MB in float32
 
 
@@ -41,8 +42,6 @@ def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
     """
     if isinstance(material, Microfacets) and material.varying is not None:
         raise SceneError("a roughness that varies is not handed to Mitsuba", where)
-    if isinstance(material, Microfacets) and material.alpha_v is not None:
-        raise SceneError("anisotropic roughness is not handed to Mitsuba", where)
     return _bsdf(material, to_uv, where)
 
 
@@ -65,7 +64,7 @@ def _(material: Conductor, to_uv: Array, where: Location | None) -> Plugin:
         return Plugin("bsdf", "twosided", {"one": mirror})
     values: dict[str, float] = {f"eta{c}": float(material.eta[c]) for c in range(3)}
     values |= {f"k{c}": float(material.k[c]) for c in range(3)}
-    return Plugin("bsdf", "penumbra_conductor", {"alpha": material.alpha, **values})
+    return Plugin("bsdf", "penumbra_conductor", {**_alphas(material, to_uv, where), **values})
 
 
 @_bsdf.register
@@ -74,7 +73,21 @@ def _(material: Dielectric, to_uv: Array, where: Location | None) -> Plugin:
     indices = {"int_ior": material.eta, "ext_ior": 1.0}
     if material.alpha == 0:
         return Plugin("bsdf", "thindielectric" if material.thin else "dielectric", indices)
-    return Plugin("bsdf", "penumbra_dielectric", {"alpha": material.alpha, "eta": material.eta})
+    return Plugin("bsdf", "penumbra_dielectric", {**_alphas(material, to_uv, where), "eta": material.eta})
+
+
+def _alphas(material: Microfacets, to_uv: Array, where: Location | None) -> dict[str, float]:
+    """The roughness along Mitsuba's dp/du, and across where that differs. SceneError where Mitsuba's
+    coordinates lie askew on pbrt's.
+    """
+    if material.alpha_v is None:
+        return {"alpha": material.alpha}
+    turn = np.abs(to_uv[:2, :2])
+    straight, crossed = turn[0, 0] * turn[1, 1], turn[0, 1] * turn[1, 0]
+    if min(straight, crossed) > ASKEW * max(straight, crossed) or turn.any(axis=0).sum() < 2:
+        raise SceneError("anisotropic roughness on askew coordinates is not handed to Mitsuba", where)
+    along, across = material.alpha, material.alpha_v
+    return {"alpha": along, "alpha_v": across} if straight > crossed else {"alpha": across, "alpha_v": along}
 
 
 @_bsdf.register

@@ -180,14 +180,22 @@ class _Writer:
     def _metal(self, plugin: Plugin) -> Plugin:
         self.microfacets = True
         indices = {name: np.array([plugin.values[f"{name}{c}"] for c in range(3)]) for name in ("eta", "k")}
-        values = {"distribution": "ggx", "alpha": plugin.values["alpha"], **indices}
+        values = {"distribution": "ggx", **_alphas(plugin), **indices}
         return Plugin("bsdf", "twosided", {"one": Plugin("bsdf", "roughconductor", values)})
 
     def _glass(self, plugin: Plugin) -> Plugin:
         self.microfacets = True
         indices = {"int_ior": plugin.values["eta"], "ext_ior": 1.0}
-        values = {"distribution": "ggx", "alpha": plugin.values["alpha"], **indices}
+        values = {"distribution": "ggx", **_alphas(plugin), **indices}
         return Plugin("bsdf", "roughdielectric", values)
+
+
+def _alphas(plugin: Plugin) -> dict[str, float]:
+    """The roughness by Mitsuba's own names."""
+    values = plugin.values
+    if "alpha_v" not in values:
+        return {"alpha": values["alpha"]}
+    return {"alpha_u": values["alpha"], "alpha_v": values["alpha_v"]}
 
 
 def _value(name: str, value: Any) -> list[str]:
