@@ -26,10 +26,10 @@ from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
 from renderer.interfaces.light import LIGHTS, LightGroup, Source, Surroundings
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialKind, lobes_of, material_kind
+from renderer.light_sampling.coincident import Coincident, coincident_lights
 from renderer.light_sampling.surroundings import with_one_surroundings
 from renderer.math.vectors import Floats
 from renderer.shading.mixtures import Mixtures, mixtures
-from scenes.description.coincidence import coinciding
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Bounds, ShapeDescription, boxes, vertex_normals
 from scenes.errors import SceneError
@@ -75,31 +75,6 @@ class Lights:
 
     def __len__(self) -> int:
         return self.source.size
-
-
-@dataclass(frozen=True, eq=False)
-class Coincident:
-    """Lights that share a place, and the light that a ray sees which meets one of them.
-
-    first: (K,) the first light in the place of each. front, back: (3, K) the radiance of all lights of that
-    place together, on the side of each light's normal and on the other side. by_front, by_back: (K,) one
-    light of the place that shines to that side, or the light itself. The lights of a place are equally likely
-    to be chosen, so that they share one density.
-    """
-
-    first: NDArray[np.int64]
-    front: Floats
-    back: Floats
-    by_front: NDArray[np.int64]
-    by_back: NDArray[np.int64]
-
-    def seen(self, light: NDArray[np.int64], cosine: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """The light (n,) that a ray sees where it meets lights (n,) at these cosines, and the radiance (3, n)
-        of all lights in that place. cosine: (n,) of the ray with the normal of the light that it meets.
-        """
-        front = cosine < 0
-        radiance = np.where(front, self.front.take(light, axis=1), self.back.take(light, axis=1))
-        return np.where(front, self.by_front.take(light), self.by_back.take(light)), radiance
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,11 +241,11 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
     share = np.concatenate([np.zeros(0), *(kind.parts.share for kind in kinds)])
     pmf = share / max(np.unique(source).size, 1)
     primitive, triangle = _primitives(sources, source, triangles, analytic)
-    coincident = _coincident(sources, source)
-    if coincident is not None:  # their mean, in each place
-        pmf = (np.bincount(coincident.first, pmf) / np.maximum(np.bincount(coincident.first), 1))[
-            coincident.first
-        ]
+    # Sources that are shapes come first, in their order.
+    shapes = [s for s in sources.all if isinstance(s, ShapeDescription)]
+    coincident = coincident_lights(shapes, source, sources.shape[source] >= 0)
+    if coincident is not None:
+        pmf = coincident.mean(pmf)
     unmet = np.array([_is_unmet(one) for one in sources.all], dtype=np.bool_)
     delta = (unmet[g.parts.source] | any(g is one for one in certain) for g in kinds)
     return Lights(
@@ -285,45 +260,6 @@ def _lights(sources: Sources, triangles: Triangles | None, analytic: AnalyticPri
         of_triangle=_inverse(triangle, 0 if triangles is None else triangles.shape.size),
         environment=_environment(kinds),
         coincident=coincident,
-    )
-
-
-def _coincident(sources: Sources, source: NDArray[np.int64]) -> Coincident | None:
-    """The lights, parts of sources (K,), that share a place. Raises SceneError where one of them has an
-    image.
-    """
-    shapes = [s for s in sources.all if isinstance(s, ShapeDescription)]
-    found = coinciding(shapes)
-    if found is None:
-        return None
-    for shape in (shapes[int(i)] for i in found.shapes):
-        if shape.emission is not None and shape.emission.image is not None:
-            raise SceneError("a light with an image is where another light is", shape.where)
-    own = np.flatnonzero(sources.shape[source] >= 0)  # sources that are shapes come first, in their order
-    order = own[np.argsort(source[own], kind="stable")]  # the light that each face is
-    first = np.arange(source.size)
-    first[order] = order[found.group]
-    emissions = [s.emission for s in shapes if s.emission is not None]
-    front, back = np.zeros((3, source.size)), np.zeros((3, source.size))
-    both = np.array([e.two_sided for e in emissions], dtype=np.bool_)[found.shape]
-    radiance = np.stack([e.radiance for e in emissions], axis=1)[:, found.shape]
-    ahead, behind = found.same_side | both, ~found.same_side | both
-    by = [np.full(source.size, -1, dtype=np.int64) for _ in range(2)]
-    for total, shines, one in ((front, ahead, by[0]), (back, behind, by[1])):
-        group = order[found.group[shines]]
-        for channel in range(3):
-            total[channel] = np.bincount(group, radiance[channel, shines], minlength=source.size)
-        one[group] = order[shines]
-    turned = np.zeros(source.size, dtype=np.bool_)
-    turned[order] = ~found.same_side
-    itself = np.arange(source.size)
-    fronts, backs = (np.where(one[first] >= 0, one[first], itself) for one in by)
-    return Coincident(
-        first,
-        np.where(turned, back[:, first], front[:, first]),
-        np.where(turned, front[:, first], back[:, first]),
-        np.where(turned, backs, fronts),
-        np.where(turned, fronts, backs),
     )
 
 

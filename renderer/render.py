@@ -16,13 +16,14 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.build import Coincident, RenderScene, build
+from renderer.build import RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
 from renderer.geometry.cutouts import Cutouts
 from renderer.geometry.primitives import on_surfaces
 from renderer.geometry.relief import Reliefs
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
+from renderer.light_sampling.coincident import Coincident
 from renderer.math.vectors import Floats, dot
 from renderer.memory import keep_freed_memory
 from renderer.plan.limits import check
@@ -342,7 +343,7 @@ def _of_all(
     for table, which in ((lights.of_primitive, primitive), (lights.of_triangle, triangle)):
         rows = np.flatnonzero(which >= 0)
         light = table[which[rows]] if rows.size else rows
-        shared = np.bincount(coincident.first, minlength=len(lights))[coincident.first[light]] > 1
+        shared = coincident.shared(light)
         rows, light = rows[shared], light[shared]
         out[:, rows] = coincident.seen(light, cosine[rows])[1]
     return out

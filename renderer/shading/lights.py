@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.build import Coincident, RenderScene
+from renderer.build import RenderScene
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Source
 from renderer.interfaces.material import Lobes, lobes_of
+from renderer.light_sampling.coincident import Coincident
 from renderer.math.vectors import Floats, dot, gather
 from renderer.records import LightSample, SurfaceHit
 from renderer.shading.emission import with_emission_images
