@@ -1,22 +1,20 @@
-"""Trying out the parts of the system that Penumbra stands on; each check answers with what it found and a
-remedy.
-"""
+"""Checks of the parts of the system that Penumbra stands on, each with its finding and a remedy."""
 
 from __future__ import annotations
 
 import os
 import platform
 import shutil
-import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.extras import missing_extra
+from pipeline.references.subprocesses import attempt, last_words
 from scenes.errors import PenumbraError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -56,7 +54,7 @@ sys.exit("libEGL loads and no display can be initialised")
 
 @dataclass(frozen=True)
 class Part:
-    """One part of the system. needed: a group of parts of which a run needs one, empty if none."""
+    """One part of the system. needed: the group of parts of which a run needs one; empty if it needs none."""
 
     name: str
     works: bool
@@ -72,7 +70,7 @@ def verdict(parts: Sequence[Part]) -> list[str]:
 
 
 def system() -> list[Part]:
-    """Python and the machine: always there, told for bug reports."""
+    """Report Python and the machine, for bug reports."""
     from pipeline.store.provenance import provenance
 
     made = provenance()
@@ -82,61 +80,51 @@ def system() -> list[Part]:
 
 def embree() -> list[Part]:
     """Trace one ray that hits a triangle and one that misses."""
-    try:
-        from renderer.geometry.triangles import make_triangles
+    return [Part("Embree", *_outcome(_trace), "pip install --force-reinstall embreex", "Embree")]
 
-        corners = np.array([[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [0.0, 1.0, 2.0]])
-        face = np.array([[0, 1, 2]])
-        triangles = make_triangles(corners, face, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_))
-        directions = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]])
-        distance, index = triangles.closest(np.zeros((3, 1)), directions)
-        works = bool(np.allclose(distance[0], 2.0) and index.tolist() == [0, -1])
-        detail = (
-            "a ray hits a triangle at its distance, another misses"
-            if works
-            else f"wrong hits: {distance}, {index}"
-        )
-    except Exception as error:  # whatever it is, the answer is the same: it does not work here
-        works, detail = False, f"{type(error).__name__}: {error}"
-    return [Part("Embree", works, detail, "pip install --force-reinstall embreex", "Embree")]
+
+def _trace() -> str:
+    from renderer.geometry.triangles import make_triangles
+
+    corners = np.array([[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [0.0, 1.0, 2.0]])
+    face = np.array([[0, 1, 2]])
+    triangles = make_triangles(corners, face, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_))
+    directions = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]])
+    distance, index = triangles.closest(np.zeros((3, 1)), directions)
+    if not np.allclose(distance[0], 2.0) or index.tolist() != [0, -1]:
+        raise PenumbraError(f"wrong hits: {distance}, {index}")
+    return "a ray hits a triangle at its distance, another misses"
 
 
 def images() -> list[Part]:
     """Write and read back an EXR."""
-    try:
-        from scenes.images.exr import read_exr, write_exr
+    remedy = "pip install --force-reinstall openimageio"
+    return [Part("OpenImageIO", *_outcome(_write_and_read), remedy, "OpenImageIO")]
 
-        plane = np.linspace(-1.0, 1e6, 12).reshape(3, 4).astype(np.float32).astype(np.float64)
-        with tempfile.TemporaryDirectory(prefix="penumbra-") as folder:
-            write_exr(Path(folder) / "probe.exr", {"R": plane})
-            works = bool(np.array_equal(read_exr(Path(folder) / "probe.exr").channels["R"], plane))
-        detail = "an EXR is read back as written" if works else "an EXR is not read back as written"
-    except Exception as error:  # as above
-        works, detail = False, f"{type(error).__name__}: {error}"
-    return [Part("OpenImageIO", works, detail, "pip install --force-reinstall openimageio", "OpenImageIO")]
+
+def _write_and_read() -> str:
+    from scenes.images.exr import read_exr, write_exr
+
+    plane = np.linspace(-1.0, 1e6, 12).reshape(3, 4).astype(np.float32).astype(np.float64)
+    with tempfile.TemporaryDirectory(prefix="penumbra-") as folder:
+        write_exr(Path(folder) / "probe.exr", {"R": plane})
+        if not np.array_equal(read_exr(Path(folder) / "probe.exr").channels["R"], plane):
+            raise PenumbraError("an EXR is not read back as written")
+    return "an EXR is read back as written"
 
 
 def mitsuba() -> list[Part]:
-    """Each variant by a tiny render in a process of its own."""
+    """Try each variant by a tiny render in a process of its own."""
     from pipeline.references.backends.mitsuba import probe_variants
 
-    remedies = {
-        "llvm_ad_rgb": (
-            "pip install karellen-llvm-core, or point DRJIT_LIBLLVM_PATH at an LLVM that works "
-            "(19, 23; not 15)"
-        )
-    }
-    general = "pip install --force-reinstall mitsuba"
-    return [
-        Part(
-            f"Mitsuba {probe.variant}",
-            probe.ok,
-            probe.detail,
-            remedies.get(probe.variant, general),
-            "Mitsuba, any variant",
-        )
-        for probe in probe_variants()
-    ]
+    llvm = (
+        "pip install karellen-llvm-core, or point DRJIT_LIBLLVM_PATH at an LLVM that works (19, 23; not 15)"
+    )
+    found: list[Part] = []
+    for probe in probe_variants():
+        remedy = llvm if probe.variant == "llvm_ad_rgb" else "pip install --force-reinstall mitsuba"
+        found.append(Part(f"Mitsuba {probe.variant}", probe.ok, probe.detail, remedy, "Mitsuba, any variant"))
+    return found
 
 
 def opengl() -> list[Part]:
@@ -144,34 +132,32 @@ def opengl() -> list[Part]:
     remedy = "install EGL, for example: apt install libegl1"
     if platform.system() != "Linux":
         return [Part("EGL", False, f"not looked for on {platform.system()}", "none needed for runs")]
-    done = _try([sys.executable, "-c", EGL])
+    done = attempt([sys.executable, "-c", EGL], SECONDS)
     if isinstance(done, str):
         return [Part("EGL", False, done, remedy)]
-    said = (
-        done.stdout if done.returncode == 0 else done.stderr or f"ended with code {done.returncode}"
-    ).strip()
-    return [Part("EGL", done.returncode == 0, said.splitlines()[-1], remedy)]
+    works = done.returncode == 0
+    said = done.stdout if works else done.stderr or f"ended with code {done.returncode}"
+    return [Part("EGL", works, last_words(said, 1), remedy)]
 
 
 def rasteriser() -> list[Part]:
     """Draw a triangle with pyrender and measure its depth."""
     from pipeline.baseline.entry import REMEDY
-    from pipeline.baseline.process import rasterise
-    from scenes.pbrt.parser import parse
 
     if why := missing_extra("baseline"):
         return [_absent("pyrender", why)]
-    try:
-        (drawn,) = rasterise([parse(TRIANGLE)])
-        works = bool(np.allclose(drawn.depth[4, 4], 2.0, rtol=1e-5) and np.isinf(drawn.depth[0, 0]))
-        device = f"{drawn.provenance['device']}, {drawn.provenance['platform']}"
-        detail = f"a triangle is drawn at its depth ({device})" if works else f"wrong depths ({device})"
-    except Exception as error:  # as above
-        works, detail = (
-            False,
-            str(error) if isinstance(error, PenumbraError) else f"{type(error).__name__}: {error}",
-        )
-    return [Part("pyrender", works, detail, REMEDY)]
+    return [Part("pyrender", *_outcome(_rasterise), REMEDY)]
+
+
+def _rasterise() -> str:
+    from pipeline.baseline.process import rasterise
+    from scenes.pbrt.parser import parse
+
+    (drawn,) = rasterise([parse(TRIANGLE)])
+    device = f"{drawn.provenance['device']}, {drawn.provenance['platform']}"
+    if not np.allclose(drawn.depth[4, 4], 2.0, rtol=1e-5) or not np.isinf(drawn.depth[0, 0]):
+        raise PenumbraError(f"wrong depths ({device})")
+    return f"a triangle is drawn at its depth ({device})"
 
 
 def preview() -> list[Part]:
@@ -206,26 +192,22 @@ def browser() -> list[Part]:
         ]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             command.insert(1, "--no-sandbox")  # Chromium's sandbox does not start as root
-        done = _try(command)
+        done = attempt(command, SECONDS)
     if isinstance(done, str):
         return [Part("browser", False, f"{path}: {done}", remedy)]
     works = done.returncode == 0 and PAGE in done.stdout
-    detail = (
-        f"{path} shows a page"
-        if works
-        else f"{path} ended with code {done.returncode} and did not show a page"
-    )
-    return [Part("browser", works, detail, remedy)]
+    shown = "shows a page" if works else f"ended with code {done.returncode} and did not show a page"
+    return [Part("browser", works, f"{path} {shown}", remedy)]
 
 
-def _try(command: Sequence[str]) -> subprocess.CompletedProcess[str] | str:
-    """The finished process, or in words why there is none."""
+def _outcome(check: Callable[[], str]) -> tuple[bool, str]:
+    """Whether a check passes, with the detail that it returns or the error that it raises."""
     try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False)
-    except subprocess.TimeoutExpired:
-        return f"no answer in {SECONDS} s"
-    except OSError as error:
-        return str(error.strerror)
+        return True, check()
+    except PenumbraError as error:
+        return False, str(error)
+    except Exception as error:  # whatever it is, the part does not work here
+        return False, f"{type(error).__name__}: {error}"
 
 
 CHECKS = (system, embree, images, mitsuba, opengl, rasteriser, preview, browser)

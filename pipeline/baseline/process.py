@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from pipeline.baseline.scene import convert
 from pipeline.baseline.task import Array, Task
 from pipeline.baseline.worker import TASKS, result_file
 from pipeline.extras import require_extra, version_of
-from pipeline.references.subprocesses import last_words, worker_command, worker_environment
+from pipeline.references.subprocesses import attempt, last_words, worker_command, worker_environment
 from pipeline.store.npz import from_npz
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
@@ -102,18 +101,11 @@ def _run(tasks: tuple[Task, ...]) -> tuple[list[_Found], str]:
 
 def _try(folder: Path, platform: str) -> str | None:
     """Draw on a platform of OpenGL; returns the worker's last words if that fails."""
-    command = worker_command(worker.__name__, folder)
-    try:
-        done = subprocess.run(
-            command, env=_environment(platform), capture_output=True, text=True, timeout=SECONDS, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return f"no answer in {SECONDS} s"
+    # One thread of Mesa's llvmpipe, as for all times of a run.
+    environment = worker_environment(PYOPENGL_PLATFORM=platform, LP_NUM_THREADS="0")
+    done = attempt(worker_command(worker.__name__, folder), SECONDS, environment)
+    if isinstance(done, str):
+        return done
     if done.returncode == 0:
         return None
     return last_words(done.stderr, lines=1) or f"ended with code {done.returncode}"
-
-
-def _environment(platform: str) -> dict[str, str]:
-    # One thread of Mesa's llvmpipe, as for all times of a run.
-    return worker_environment(PYOPENGL_PLATFORM=platform, LP_NUM_THREADS="0")

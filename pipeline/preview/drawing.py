@@ -8,7 +8,6 @@ that it is tried in a process of its own first.
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 
 from pipeline.preview.samples import HIDDEN, IDLE, SEEN, Tried
 from pipeline.preview.view import View
+from pipeline.references.subprocesses import attempt, last_words
 from renderer import RenderScene
 from scenes.arrays import Array
 from scenes.description.scene import SceneDescription
@@ -68,23 +68,14 @@ def off_screen() -> OffScreen:
 
 
 def _tried(window: str) -> OffScreen:
-    environment = {**os.environ, **({"VTK_DEFAULT_OPENGL_WINDOW": window} if window else {})}
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", TRIAL],
-            capture_output=True,
-            text=True,
-            timeout=SECONDS,
-            check=False,
-            env=environment,
-        )
-    except subprocess.TimeoutExpired:
-        return OffScreen(False, f"{window or 'VTK'}: no answer in {SECONDS} s")
-    if done.returncode == 0 and done.stdout.startswith("ok"):
+    environment = os.environ | ({"VTK_DEFAULT_OPENGL_WINDOW": window} if window else {})
+    done = attempt([sys.executable, "-c", TRIAL], SECONDS, environment)
+    if isinstance(done, str):
+        problem = done
+    elif done.returncode == 0 and done.stdout.startswith("ok"):
         return OffScreen(True, f"VTK draws off screen by {done.stdout.split()[-1]}", window)
-    problem = (
-        "OpenGL does not start" if done.returncode < 0 else (done.stderr.strip().splitlines() or ["?"])[-1]
-    )
+    else:
+        problem = "OpenGL does not start" if done.returncode < 0 else last_words(done.stderr, 1) or "?"
     return OffScreen(False, f"{window or 'VTK'}: {problem}")
 
 

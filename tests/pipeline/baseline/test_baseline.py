@@ -200,7 +200,7 @@ def test_a_machine_without_opengl_is_told_so(monkeypatch: pytest.MonkeyPatch, tm
     (tmp_path / "OpenGL" / "__init__.py").write_text("raise ImportError('no OpenGL on this machine')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(
-        process, "_environment", lambda platform: os.environ | {"PYTHONPATH": f"{tmp_path}:{Path.cwd()}"}
+        process, "worker_environment", lambda **_: os.environ | {"PYTHONPATH": f"{tmp_path}:{Path.cwd()}"}
     )
     with pytest.raises(PenumbraError, match=r"no OpenGL on this machine.*apt install libegl1") as caught:
         rasterise([_scene(FLOOR)])
