@@ -1,4 +1,4 @@
-"""What reading a scene costs, as ratios: python benchmarks/reading.py"""
+"""The cost of reading meshes and shapes, as ratios: python benchmarks/reading.py"""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def benchmark(
 
 
 def _ply(path: Path) -> tuple[float, float, float]:
-    """Seconds of ours and of trimesh, and the peak memory of ours over its arrays' size."""
+    """Seconds of Penumbra and of trimesh, and Penumbra's peak memory over the size of its arrays."""
     read_ply(path)  # the file is in memory then
     ours, _ = _timed(lambda: read_ply(path))
     theirs, _ = _timed(lambda: trimesh.load(path, process=False))  # pyright: ignore[reportUnknownMemberType]
@@ -105,7 +105,7 @@ def _many(text: str, count: int) -> str:
 
 
 def _write_ply(path: Path, triangles: int) -> None:
-    """A grid of about so many triangles, binary."""
+    """Write a binary PLY of a grid of about so many triangles."""
     side = int(np.sqrt(triangles / 2)) + 1
     x, y = np.meshgrid(np.arange(side), np.arange(side))
     vertices = np.stack([x.ravel(), y.ravel(), np.sin(x.ravel() / 50)], axis=1).astype("<f4")

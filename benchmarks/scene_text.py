@@ -1,4 +1,4 @@
-"""How fast scene text is read: python benchmarks/scene_text.py"""
+"""The speed of reading scene text: python benchmarks/scene_text.py"""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def benchmark(
 
 
 def _write(path: Path, vertices: int) -> None:
-    """A mesh of that many vertices and twice as many triangles, as text of six decimals."""
+    """Write a mesh of so many vertices and twice as many triangles, as text of six decimals."""
     rng = np.random.default_rng(1)
     with path.open("w") as out:
         out.write(f'{HEAD}Shape "trianglemesh" "point3 P" [\n')

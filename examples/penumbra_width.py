@@ -55,14 +55,14 @@ class Width:
 
     @property
     def error(self) -> float:
-        """Of the measured width, relative to the exact one."""
+        """The error of the measured width, relative to the exact one."""
         return self.measured / self.exact - 1.0
 
 
 def width_of(image: Array, scene: SceneDescription) -> Width:
     """The width in an image (h, w, 3) of a scene that `closed-form-edge` supports.
 
-    PenumbraError where the penumbra is not in view. A penumbra narrower than a few rows measures too wide.
+    PenumbraError if the penumbra is not in view. A penumbra narrower than a few rows measures too wide.
     """
     edge = analyse_edge(scene)
     film = film_plane(scene.camera, scene.film)
@@ -94,7 +94,7 @@ def _profile(s: Array, visible: Array) -> tuple[Array, Array]:
 
 
 def _crossing(s: Array, curve: Array, level: float) -> float:
-    """Where a rising curve first reaches a level, between two of its points."""
+    """The place where a rising curve first reaches a level, interpolated between two of its points."""
     if not curve[0] < level < curve[-1]:
         raise PenumbraError(
             f"the penumbra is not wholly in view: the light is nowhere {level:.0%} visible on the floor"
@@ -130,7 +130,7 @@ def _similar(edge: EdgeScene, away: Array) -> float:
 
 
 def _reach(edge: EdgeScene, away: Array) -> float:
-    """Beyond the penumbra on either side."""
+    """A distance along `away` that reaches beyond the penumbra on either side."""
     return 1.01 * float(np.abs(_ends(edge, away)).max())
 
 

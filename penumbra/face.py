@@ -1,4 +1,4 @@
-"""The functions of the public face: each puts parts of the packages below together."""
+"""The functions of the public face, each put together from the packages below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether Python finds Penumbra's own packages, whose names others may have as well."""
+"""A check that Python finds Penumbra's own packages, since others may have packages of the same names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ HOME = Path(__file__).resolve().parents[1]
 
 
 def shadowed() -> str | None:
-    """One line on the package of another's that would be imported in place of ours; None if there is none."""
+    """Name a package of another's that Python would import in place of Penumbra's; None if there is none."""
     for room in ROOMS:
         spec = find_spec(room)
         found = Path(spec.origin).resolve() if spec and spec.origin else None

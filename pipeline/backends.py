@@ -1,7 +1,6 @@
-"""All ways of making references: those of `pipeline.references`, which never see our renderer, and the
-renderer itself.
+"""All reference backends: those of `pipeline.references`, and `self`, which is the renderer itself.
 
-Who looks backends up by name does it here; `BACKENDS` alone lacks `self` until this module is imported.
+Import `BACKENDS` from here: the registry alone lacks `self` until this module is imported.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The extras of the wheel: parts that are heavy or that few need, and how to get one that is missing."""
+"""The extras of the wheel: optional parts that are heavy, or that few need."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EXTRAS = {"preview": ("pyvista",), "baseline": ("pyrender", "OpenGL")}
 
 
 def missing_extra(name: str) -> str | None:
-    """The modules of an extra that are not installed, and how to get them; None if all are there."""
+    """Name the modules of an extra that are not installed, and how to get them; None if all are installed."""
     lacking = [module for module in EXTRAS[name] if find_spec(module) is None]
     if not lacking:
         return None
@@ -21,11 +21,11 @@ def missing_extra(name: str) -> str | None:
 
 
 def require_extra(name: str) -> None:
-    """Raise PenumbraError, with the way to get it, if an extra is missing."""
+    """Raise PenumbraError, which says how to get it, if an extra is missing."""
     if why := missing_extra(name):
         raise PenumbraError(why)
 
 
 def version_of(module: str) -> str:
-    """The version of the package that brings a module, whichever of several packages that is."""
+    """The version of the installed package that a module belongs to."""
     return version(packages_distributions()[module][0])

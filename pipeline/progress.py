@@ -1,4 +1,4 @@
-"""How a long piece of work tells where it stands."""
+"""The protocol by which long work reports its progress."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ Update = Callable[[Amount], None]
 
 @runtime_checkable
 class Progress(Protocol):
-    """Told of steps and of what a reader should know; it shows them or not."""
+    """Receives the steps of long work, and notes for its reader."""
 
     def step(self, title: str, total: Amount) -> AbstractContextManager[Update]:
-        """A step of `total` units begins; the update is called with how many are done."""
+        """Begin a step of `total` units; its update is called with the number done."""
         ...
 
     def note(self, text: str) -> None:
-        """One line that is worth reading."""
+        """Show one line of text."""
         ...
 
 
 class Silence:
-    """Progress that shows nothing."""
+    """Progress that is not shown."""
 
     def step(self, title: str, total: Amount) -> AbstractContextManager[Update]:
         del title, total
@@ -35,4 +35,4 @@ class Silence:
 
 
 def _unheard(_: Amount) -> None:
-    """Nobody asked."""
+    """Show nothing."""

@@ -1,8 +1,7 @@
-"""Our own best estimator at many samples as a reference: for scenes that nothing independent takes, and
-labelled as what it is.
+"""The renderer's own best estimator at many samples, as a reference for scenes that no other backend takes.
 
-It shares the renderer with what it judges, so that a fault of camera, geometry or materials is in both images
-and not in their difference. It stands outside `pipeline.references`, which never sees the renderer, and is
+It shares the renderer with the images that it judges: a fault of camera, geometry or materials is in both,
+and not in their difference. It lies outside `pipeline.references`, which never sees the renderer, and is
 never the reference of its own estimator.
 """
 
@@ -49,7 +48,7 @@ class SelfBackend:
         return f"penumbra {fingerprint()} {imported_code(Path(__file__))}"
 
     def refuses(self, scene: SceneDescription, quantity: Quantity = "radiance") -> str | None:
-        """The estimator's own reason, or that there is none for the quantity."""
+        """The estimator's own reason, or that no estimator has the quantity."""
         estimator = ESTIMATOR_OF[quantity]
         if estimator not in ESTIMATORS.names():
             return f"there is no estimator of {quantity} here"
@@ -64,9 +63,6 @@ class SelfBackend:
         progress: Progress | None = None,
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
-        """Render at least what `request` asks for, in batches of independent samples; PenumbraError if
-        refused.
-        """
         require(self, scene, request.quantity)
         built, estimator = build(scene), ESTIMATOR_OF[request.quantity]
 
@@ -93,7 +89,7 @@ def batch_seed(seed: int, number: int) -> int:
 
 
 def judges_itself(backend: str, estimator: str) -> str | None:
-    """Why images by `estimator` cannot be scored against references of `backend`, or None."""
+    """Why images by `estimator` cannot be scored against references of `backend`; None if they can."""
     if backend != NAME or estimator not in ESTIMATOR_OF.values():
         return None
     return (

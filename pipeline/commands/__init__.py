@@ -1,4 +1,4 @@
-"""The commands of `penumbra`, a file each; only `pipeline.cli` imports them, and they alone import `reports`.
+"""The commands of `penumbra`, one file each. Only `pipeline.cli` imports them; only they import `reports`.
 
-A command imports what it needs when it is called: `penumbra --help` would else wait for the renderer.
+A command imports its modules when it is called, so that `penumbra --help` need not wait for the renderer.
 """

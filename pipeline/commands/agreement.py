@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName, Strict, Substitute
+from pipeline.console.options import AsJson, Cache, Define, Quiet, SceneName, Strict, Substitute, Threads
 from pipeline.console.scene import open_scene
 
 if TYPE_CHECKING:
@@ -43,14 +43,11 @@ def agreement(
         ),
     ] = None,
     reference_spp: Annotated[int, typer.Option(help="Samples a pixel of the reference.")] = 1024,
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
-    ] = None,
+    cache: Cache = None,
     define: Define = None,
     strict: Strict = False,
     substitute: Substitute = False,
-    threads: Annotated[int, typer.Option(help="Threads; the images are the same for any number.")] = 1,
+    threads: Threads = 1,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:

@@ -1,6 +1,4 @@
-"""`penumbra baseline`: rasterise the scene by pyrender, the cheap end of every chart of error against
-time.
-"""
+"""`penumbra baseline`: a scene rasterised by pyrender, the cheap end of charts of error against time."""
 
 from __future__ import annotations
 
@@ -37,11 +35,10 @@ def baseline(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Rasterise a scene: a point in place of each area light, no shadows, one sample in the middle of each
-    pixel.
+    """Rasterise a scene without shadows: a point for each area light, one sample in the middle of each pixel.
 
-    An EXR has the linear image and its depth along the view (channel Z, infinite where nothing is). The image
-    is biased by what it leaves out: compare it with a reference to see what that costs.
+    An EXR has the linear image and its depth along the view (channel Z, infinite in the background). The
+    image is biased: compare it with a reference to see what the missing shadows cost.
 
     Examples:
 

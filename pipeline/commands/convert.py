@@ -36,7 +36,7 @@ def convert(
 ) -> None:
     """Write a scene of Mitsuba 3 or of glTF 2.0 as a pbrt-v4 file of its direct light.
 
-    What is not as the original has it is listed on stderr, a line each kind.
+    Everything that cannot be kept is listed on stderr, one line for each kind.
 
     Examples:
 

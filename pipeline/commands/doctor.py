@@ -1,4 +1,4 @@
-"""`penumbra doctor`: what works on this machine, each found out by trying it."""
+"""`penumbra doctor`: the parts of the system that work on this machine, by trying each."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from pipeline.console.options import AsJson, Quiet
 
 @command(150, ("doctor", "what works on this machine"))
 def doctor(as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Try Mitsuba's variants with their LLVM, Embree, images, EGL, pyrender and a browser, and say what to do
-    about each failure.
+    """Try Mitsuba with its LLVM, Embree, images, EGL, pyrender and a browser; say how to mend each failure.
 
-    Exits with 1 if a part fails that a run needs; a run without EGL and pyrender leaves its baseline out, and
-    a browser serves tests only.
+    Exits with 1 if a part fails that a run needs. Without EGL and pyrender a run leaves its baseline out;
+    only tests need a browser.
 
     Examples:
 

@@ -1,6 +1,4 @@
-"""`penumbra explain`: what the renderer simulates for a scene, what it leaves out, why, and what that
-saves.
-"""
+"""`penumbra explain`: the effects that the renderer simulates for a scene or leaves out, and why."""
 
 from __future__ import annotations
 
@@ -35,11 +33,10 @@ def explain(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Show each effect, whether this scene calls for it, and why; measured: the CPU time with and without the
-    pruning.
+    """Show each effect, whether this scene calls for it, and why.
 
-    What is left out is provably nothing: --measure also checks that the image is the same bit for bit, else
-    exits with 1.
+    With --measure each pruning is timed, and checked to leave the image the same bit for bit; if it does not,
+    the command exits with 1.
 
     Examples:
 
@@ -73,9 +70,7 @@ def explain(
 def _measure(
     built: RenderScene, prunings: list[str], estimator: str, spp: int, console: Console
 ) -> dict[str, dict[str, Any]]:
-    """Median CPU seconds of the passes with every pruning, and with one of them (or all) not made; rounds are
-    interleaved.
-    """
+    """Median CPU seconds with every pruning, and without one of them or all; rounds are interleaved."""
     import numpy as np
 
     from renderer import render

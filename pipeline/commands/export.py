@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Target(StrEnum):
-    """The program that the text is for."""
+    """The program to export to."""
 
     PBRT = "pbrt"
     MITSUBA = "mitsuba"
@@ -47,7 +47,7 @@ def export(
 ) -> None:
     """Write a scene as a pbrt-v4 file that pbrt-v4 itself renders, or as Mitsuba 3 XML.
 
-    What is not quite the scene in the other's terms is said on stderr and in the file.
+    Differences that the other program makes are noted on stderr and in the file.
 
     Examples:
 
@@ -93,7 +93,7 @@ def _exported(
 def _write(
     output: Path, text: str, images: Mapping[str, NDArray[np.float64]], meshes: Mapping[str, bytes]
 ) -> None:
-    """All files under other names first: they take their own when every one is whole, the text last."""
+    """Write all files under other names, and rename them once every one is whole, the text last."""
     from scenes.errors import PenumbraError
     from scenes.files import replacing
     from scenes.images.exr import write_exr

@@ -1,4 +1,4 @@
-"""`penumbra preview`: a scene from outside, and what an estimator tries at one pixel."""
+"""`penumbra preview`: a scene from outside, with the samples of an estimator at one pixel."""
 
 from __future__ import annotations
 
@@ -40,11 +40,10 @@ def preview(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw geometry, camera and lights from outside, with the shadow rays of one pixel coloured by what
-    became of them.
+    """Draw geometry, camera and lights from outside, with one pixel's shadow rays coloured by their outcome.
 
-    The camera's frustum ends in a screen with the image that it sees. Needs OpenGL off screen (see `penumbra
-    doctor`), no display.
+    The camera's frustum ends in a screen with its image. Needs OpenGL off screen (see `penumbra doctor`), but
+    no display.
 
     Examples:
 
@@ -86,7 +85,7 @@ def preview(
 
 
 def _pixel(text: str | None, scene: SceneDescription) -> tuple[int, int]:
-    """The pixel that was asked for; PenumbraError for what is none."""
+    """The pixel of --pixel, or the middle one; PenumbraError for malformed text."""
     from scenes.errors import PenumbraError
 
     if text is None:

@@ -1,4 +1,4 @@
-"""`penumbra reference`: one image by a reference backend, kept and added to."""
+"""`penumbra reference`: one image by a reference backend, kept in the cache and added to."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Exposure, Quiet, SceneName, Strict, image_target
+from pipeline.console.options import AsJson, Cache, Define, Exposure, Quiet, SceneName, Strict, image_target
 from pipeline.console.scene import open_scene
 from pipeline.references import default_cache
 
@@ -50,20 +50,17 @@ def reference(
         str | None,
         typer.Option(help="radiance or ambient-occlusion; what the scene's integrator makes, if not given."),
     ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
-    ] = None,
+    cache: Cache = None,
     define: Define = None,
     strict: Strict = False,
     exposure: Exposure = 0.0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a reference image with the variance of its mean, or add samples to the one there is.
+    """Make a reference image with the variance of its mean, or add samples to the stored one.
 
-    It can be stopped at any moment: the same command goes on from there, and asking for more later adds to
-    it.
+    It can be stopped at any moment, and the same command goes on from there. Asking for more samples later
+    adds to them.
 
     Examples:
 
@@ -95,7 +92,7 @@ def _request(
     seed: int,
     quantity: str | None,
 ) -> ReferenceRequest:
-    """The request that the options make; PenumbraError naming the option that is wrong."""
+    """The request of the options; PenumbraError names a wrong option."""
     from typing import cast, get_args
 
     from pipeline.references.protocol import MIN_BATCHES, Quantity, ReferenceRequest

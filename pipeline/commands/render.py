@@ -1,4 +1,4 @@
-"""`penumbra render`: one image by our renderer."""
+"""`penumbra render`: one image by Penumbra's renderer."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from pipeline.console.options import (
     SceneName,
     Strict,
     Substitute,
+    Threads,
     image_target,
 )
 from pipeline.console.scene import open_scene
@@ -45,7 +46,7 @@ def render(
     define: Define = None,
     strict: Strict = False,
     substitute: Substitute = False,
-    threads: Annotated[int, typer.Option(help="Threads; the image is the same for any number.")] = 1,
+    threads: Threads = 1,
     prune: Annotated[
         bool, typer.Option(help="Leave out what the scene does not call for (see `explain`).")
     ] = True,
@@ -111,9 +112,7 @@ def _write(target: Path, done: JobResult) -> None:
 
 
 def _independent(job: Job) -> bool:
-    """Whether the variance is that of the mean: low-discrepancy samples have a smaller one, which they do not
-    tell.
-    """
+    """Whether samples are independent, so that their spread gives the variance of the mean."""
     from renderer.interfaces.sampler import SAMPLERS
 
     return SAMPLERS[job.sampler].independent

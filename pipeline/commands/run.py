@@ -75,8 +75,7 @@ def demo(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """The main job: run the sweep `demo`, score it and write its report. A second time it finds everything
-    done.
+    """Run the sweep `demo`, score it and write its report. A second call finds everything done.
 
     Examples:
 
@@ -115,7 +114,7 @@ def _run(sweep: str, out: Path, workers: int | None, console: Console) -> Summar
 
 
 def _cores() -> int:
-    """Those that this process may use, where the system tells."""
+    """The number of cores that this process may use, or of all if the system does not tell."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -1,4 +1,4 @@
-"""`penumbra verify`: is an estimator unbiased on a scene, and how sure is that?"""
+"""`penumbra verify`: a test of whether an estimator is unbiased on a scene, with its power."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.console.command import command
-from pipeline.console.options import AsJson, Define, Quiet, SceneName
+from pipeline.console.options import AsJson, Cache, Define, Quiet, SceneName
 from pipeline.console.scene import open_scene
 from pipeline.references import default_cache
 
@@ -48,10 +48,7 @@ def verify(
         int | None,
         typer.Option(help="Samples a pixel of the reference; 16 times those of the render if not given."),
     ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
-    ] = None,
+    cache: Cache = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with 1 unless the verdict is unbiased.")
     ] = False,
@@ -98,7 +95,7 @@ def verify(
 def _reference(
     scene: SceneDescription, trial: Trial, backend: str, spp: int | None, folder: Path, console: Console
 ) -> StoredReference:
-    """The reference, kept in the folder; PenumbraError where it is made by what it is to judge."""
+    """The reference, from the cache `folder`; PenumbraError if the estimator itself would make it."""
     from pipeline.backends import BACKENDS
     from pipeline.references.cache import reference_for
     from pipeline.references.protocol import ReferenceRequest

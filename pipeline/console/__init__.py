@@ -1,3 +1,1 @@
-"""The parts that commands share: their declaration, options, the scene they are asked for, and the
-console.
-"""
+"""The parts that commands share: their declaration, their options, and the console."""

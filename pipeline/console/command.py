@@ -1,4 +1,4 @@
-"""How a command declares itself, and how an error of the user's making ends it.
+"""The declaration of commands, and the exit codes of their errors.
 
 A module of `pipeline.commands` decorates its function by `command`; the command line finds it there.
 """
@@ -26,7 +26,7 @@ Example = tuple[str, str]  # the command line after `penumbra`, and a remark
 
 @dataclass(frozen=True)
 class Command:
-    """A command by its declaration. place: among all commands of the help, ascending."""
+    """A declared command. place: its rank in the help."""
 
     place: int
     name: str
@@ -38,7 +38,7 @@ _commands: list[Command] = []
 
 
 def command(place: int, *examples: Example, name: str = "") -> Callable[[Function], Function]:
-    """Declare the decorated function a command, called as the function is if no name is given."""
+    """Declare the decorated function as a command, under its own name if none is given."""
 
     def declare(function: Function) -> Function:
         _commands.append(Command(place, name or function.__name__, function, examples))
@@ -48,7 +48,7 @@ def command(place: int, *examples: Example, name: str = "") -> Callable[[Functio
 
 
 def commands() -> list[Command]:
-    """All commands that the modules of PACKAGE declare, in the order of their places."""
+    """All commands that the modules of PACKAGE declare, in the order of the help."""
     package = importlib.import_module(PACKAGE)
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{PACKAGE}.{module.name}")
@@ -62,10 +62,10 @@ def example_lines(found: Sequence[Command]) -> str:
 
 
 def call(app: Any, arguments: Sequence[str] | None = None) -> None:
-    """Run a Typer application; an error of the user's making is one line on stderr and exit code 2.
+    """Run a Typer application. A PenumbraError becomes one line on stderr and exit code 2.
 
-    Neither a fault of ours nor a reader that leaves early is a check that failed: a fault keeps its traceback
-    and has exit code 3; `penumbra ... | head` ends as programs do that a closed pipe stops.
+    Any other exception is a fault of Penumbra: its traceback and exit code 3, which no script takes for a
+    failed check. `penumbra ... | head` ends as programs do whose output pipe is closed.
     """
     out = sys.stdout
     if reconfigure := getattr(sys.stdout, "reconfigure", None):
@@ -89,7 +89,7 @@ def call(app: Any, arguments: Sequence[str] | None = None) -> None:
 
 
 def script(function: Function, arguments: Sequence[str] | None = None) -> None:
-    """Run one function as a command line of its own, for examples and benchmarks."""
+    """Run one function as a program of its own, for examples and benchmarks."""
     app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
     app.command()(function)
     call(app, arguments)

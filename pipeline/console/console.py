@@ -1,4 +1,4 @@
-"""The voice of a command: figures on stdout, as a table or as JSON; progress and notes on stderr."""
+"""The output of a command: results on stdout, as tables or as JSON; progress and notes on stderr."""
 
 from __future__ import annotations
 
@@ -69,21 +69,21 @@ class Console:
             bar.stop()
 
     def note(self, text: str) -> None:
-        """One line on stderr."""
+        """Print one line on stderr."""
         if not self.quiet:
             self._err.print(escape(text), highlight=False, soft_wrap=True)
 
     def problem(self, text: str) -> None:
-        """One line on stderr, also with --quiet."""
+        """Print one line on stderr, even with --quiet."""
         self._err.print(escape(text), highlight=False, soft_wrap=True)
 
     def line(self, text: str) -> None:
-        """One line on stdout, for people: with --json there is none."""
+        """Print one line on stdout, unless --json is given."""
         if not self.as_json:
             self._out.print(escape(text), highlight=False, soft_wrap=True)
 
     def table(self, headings: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
-        """A table on stdout, for people: with --json there is none."""
+        """Print a table on stdout, unless --json is given."""
         if self.as_json:
             return
         table = Table(*headings, title=escape(title) or None, title_justify="left")
@@ -92,7 +92,7 @@ class Console:
         self._out.print(table)
 
     def json(self, data: Any) -> None:
-        """The whole answer on stdout, with --json only; null for NaN and infinities, which JSON lacks."""
+        """Print the answer as JSON on stdout if --json is given; NaN and infinities become null."""
         if self.as_json:
             sys.stdout.write(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
 

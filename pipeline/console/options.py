@@ -37,6 +37,11 @@ Exposure = Annotated[
     float,
     typer.Option(metavar="STOPS", help="Brighten a .png by so many stops; an .exr holds radiance as it is."),
 ]
+Threads = Annotated[int, typer.Option(help="Threads; images are the same for any number.")]
+Cache = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Where references are kept; the user's cache folder if not given."),
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout; null for what is not finite.")
 ]
@@ -46,7 +51,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no n
 def definitions(
     pairs: Sequence[str] | None, option: str = "-D", example: str = "gap=0.001"
 ) -> dict[str, float]:
-    """The values of an option `name=value` that may be repeated; PenumbraError naming the wrong one."""
+    """The values of a repeated option `name=value`; PenumbraError names a malformed or repeated one."""
     from scenes.errors import PenumbraError
 
     values: dict[str, float] = {}
@@ -65,7 +70,7 @@ def definitions(
 
 
 def image_target(path: Path) -> Path:
-    """`path`, if an image can be written there; PenumbraError if its name or its folder does not allow it."""
+    """Check that an image can be written to `path`, and return it; PenumbraError if not."""
     from scenes.errors import PenumbraError
     from scenes.files import utf8_name
 

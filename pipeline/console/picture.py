@@ -1,4 +1,4 @@
-"""A picture to look at: the PNG that a command writes, and the exposure that would show it better."""
+"""The PNG that a command writes, with advice on its exposure."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ LIGHT, DARK = 1.0, 0.05  # linear: beyond white, and below a quarter of what sRG
 def write_picture(target: Path, rgb: Floats, exposure: float, console: Console) -> None:
     """Write `rgb` (h, w, 3), `exposure` stops brighter, as a PNG.
 
-    A note names a better exposure where a tenth of the pixels is clipped, or where all but a hundredth is
-    nearly black. A light in view alone, or a small bright spot, is no reason.
+    A note names a better exposure if more than a tenth of the pixels is clipped, or if all but a hundredth
+    are nearly black. A light in view or a small bright spot does not count.
     """
     write_png(target, rgb, exposure)
     brightest = np.nan_to_num(rgb.max(axis=-1), posinf=np.finfo(float).max) * 2.0**exposure

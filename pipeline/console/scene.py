@@ -1,4 +1,4 @@
-"""The scene that a command is asked for, with what there is to say about it."""
+"""The scene that a command is given, and the notes on it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ def open_scene(
     strict: bool = False,
     substitute: bool = False,
 ) -> SceneDescription:
-    """A scene with its parameters set by `-D`; where its picture is not the one that pbrt makes, a note on
-    stderr says so.
+    """Read a scene with the parameters of `-D`. A note on stderr says where its image is not pbrt's.
 
     strict, substitute: as for `scenes.load`, which raises PenumbraError.
     """

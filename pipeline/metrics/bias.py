@@ -27,10 +27,10 @@ from pipeline.statistics.intervals import NORMAL
 class Bias(Metric):
     """Mean over pixels and channels of estimate - reference; an unbiased estimator's interval covers 0.
 
-    The interval is normal, from the variances of both sides with channels taken as fully correlated. Without
-    the estimate's variance it comes from the spread of differences among neighbours (spread.py), which holds
-    the reference's noise too. A deterministic reference widens it by its mean error bound. `penumbra verify`
-    tests the null hypothesis. The map is the mean signed difference over channels.
+    The interval is normal, from the variances of both sides, with channels taken as fully correlated. Without
+    the estimate's variance it comes from the spread of differences among neighbours (spread.py), which
+    includes the reference's noise. A deterministic reference widens it by its mean error bound. To test for
+    bias use `penumbra verify`. The map is the mean signed difference over channels.
     """
 
     name = "bias"
@@ -56,7 +56,7 @@ class Bias(Metric):
 
 
 def _half(estimate: Estimate, reference: Reference, pixel: Image, deviation: Image, mask: Mask) -> float:
-    """Half of the interval. pixel, deviation (of the reference), mask: (h, w)."""
+    """Half the width of the interval. pixel, deviation (of the reference), mask: (h, w)."""
     bound = float(np.mean(deviation[mask])) if reference.batches == 0 else 0.0
     if estimate.variance is None or not np.isfinite(estimate.variance[mask]).all():
         return NORMAL * standard_error(pixel, mask) + bound

@@ -22,9 +22,9 @@ class Ciede2000(Metric):
 
     Exposed for the reference, sRGB, clipped to [0, 1]. About 1 is just noticeable side by side. It compares
     single pixels, so that fine noise counts as much as a shift of the same size; `flip` blurs as an eye does.
-    The formula jumps where hues are 180 degrees apart: no bound holds for a small change of the reference,
-    and neither its variance nor its error bound enters the interval. Where they may move the displayed
-    picture by more than a tenth of its squared difference, the value is the interval's upper end, as a bound.
+    The formula jumps where hues are 180 degrees apart, so that no bound holds for a small change of the
+    reference, and its error does not enter the interval. If that error may move the displayed picture by more
+    than a tenth of the squared difference, the value is the interval's upper end, as a bound.
     """
 
     name = "ciede2000"
@@ -52,7 +52,7 @@ class Ciede2000(Metric):
 
 
 def _difference(shown: Image, truth: Image) -> Image:
-    """(h, w) colour differences of sRGB-encoded images (h, w, 3)."""
+    """The colour differences (h, w) of two sRGB-encoded images (h, w, 3)."""
     # Imported here: it takes a second, and warns of a plotting library that is not needed.
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message='.*"Matplotlib" related API')

@@ -21,10 +21,10 @@ REACH = 3  # pixels: the neighbourhood is 3 x 3
 class Firefly(Metric):
     """Luminance beyond twice the reference's greatest within 3 x 3 pixels, as a share of all its luminance.
 
-    In lit parts an excess of 100 % is a firefly, in the umbra any light is. With bounded weights it falls to
-    0 as samples are added; with unbounded weights it stays, as a few pixels hold the light that the others
-    lack. The reference decides, so that a bright detail of the scene does not count. The definition is this
-    program's own. The map is the excess; under a black reference a lit estimate makes it undefined.
+    In lit parts an excess of 100 % is a firefly; in the umbra any light is. With bounded weights the score
+    falls to 0 as samples are added. With unbounded weights it stays, since a few pixels hold the light that
+    the others lack. Details that are bright in the reference do not count. The definition is this program's
+    own. The map is the excess. Against a black reference the score of a lit estimate is undefined.
     """
 
     name = "firefly"

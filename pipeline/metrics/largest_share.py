@@ -1,4 +1,4 @@
-"""The largest sample's share of all reflected light: does one lucky draw carry the image?"""
+"""The share of the largest sample in all reflected light, which tells if one draw carries the image."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pipeline.statistics.heavy_tail import SHARE_LIMIT
 
 @final
 class LargestShare(Metric):
-    """The largest sample of reflected light over the sum of all, 0 to 1, the greatest over channels.
+    """The largest sample of reflected light over the sum of all, 0 to 1; the maximum over channels.
 
     At a tenth, a new draw of this one sample would move the mean by a tenth. Pixels whose mean exceeds their
     largest reflected sample see a light directly and are left out. A share is a property of this draw and has
-    no interval. A small share proves nothing, as the samples that matter may not have been drawn yet: the
-    verdict in the record asks Hill's index too [hill1975]. The map is each pixel's largest sample over the
+    no interval. A small share proves nothing, since the samples that matter may not have been drawn yet: the
+    verdict in the record also uses Hill's index [hill1975]. The map is each pixel's largest sample over the
     light of the whole image.
     """
 

@@ -24,9 +24,9 @@ class RelMseTrimmed(Metric):
     Below 1,000 values (334 pixels) none is left out. The interval is that of a winsorised mean [tukey1963].
     A trimmed mean is no mean squared error: rank estimators by it only beside `relmse` and `firefly`, which
     tell how much was set aside. A deterministic reference's bound moves the root of the score, and so the
-    interval's ends, by its own weighted root mean square at most: the kept values are those of the least sum,
-    so that the triangle inequality holds for them too. simpleimageio's differs where the reference is black:
-    there it scores 0. The map is d^2 / (r^2 + 0.01) before trimming.
+    interval's ends, by at most its own weighted root mean square: the kept values have the least sum, so that
+    the triangle inequality holds for them too. simpleimageio's version scores 0 where the reference is black.
+    The map is d^2 / (r^2 + 0.01) before trimming.
     """
 
     name = "relmse-trimmed"

@@ -1,8 +1,8 @@
 """Mean squared errors that differ by a root or a denominator: MSE, RMSE and three kinds of relMSE.
 
 All subtract the reference's variance and score every pixel and channel; scoring/squared_error.py derives the
-debiasing and the interval. The map of each but RMSE averages to the measured error, and is negative where the
-estimate is closer to the reference than that one's own noise.
+debiasing and the interval. Each map but RMSE's averages to the measured error, and is negative in pixels
+where the estimate is closer to the reference than the reference's own noise.
 """
 
 from __future__ import annotations

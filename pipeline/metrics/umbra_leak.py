@@ -17,10 +17,10 @@ from pipeline.statistics.numerics import box_maximum
 class UmbraLeak(Metric):
     """Sum of |estimate| over the umbra, over the sum of the reference: 0 for a correct shadow test.
 
-    Every sample in the umbra is blocked: any light there is an error of the renderer, such as an epsilon or a
-    light that shines through its support, and no noise. The umbra is that of the visibility pass
-    (pipeline/studies/regions.py) where the reference is black too. Without a pass it is the pixels that are
-    black in the reference, variance included, as are all their neighbours.
+    Every sample in the umbra is blocked: light there is no noise but an error of the renderer, such as an
+    epsilon or a light that shines through its support. The umbra is that of the visibility pass
+    (pipeline/studies/regions.py), as far as the reference is black there. Without a pass it consists of the
+    pixels that are certainly black in the reference, as are all their neighbours.
     """
 
     name = "umbra-leak"
@@ -57,7 +57,7 @@ class UmbraLeak(Metric):
 
 
 def black(reference: Reference) -> Mask:
-    """(h, w): the pixels where the reference is 0 for certain, and all pixels around it as well."""
+    """The pixels (h, w) where the reference is exactly 0, as it is in all pixels around them."""
     lit = ((reference.mean != 0) | (reference.variance > 0)).any(axis=-1)
     return box_maximum(lit.astype(np.float64), 3) == 0.0
 

@@ -1,4 +1,4 @@
-"""A run: references, then cells, then scores; whatever is already there and whole is kept."""
+"""A run makes references, then cells, then scores, and keeps all that is already in its folder."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ SCENES = "scenes"
 
 @dataclass(frozen=True)
 class Summary:
-    """The outcome of a run. made: references, cells and scores made anew; the rest was there. failures: in
-    words.
-    """
+    """The outcome of a run. made: the numbers of new references, cells and scores. failures: in words."""
 
     cells: int
     made: dict[str, int]
@@ -46,7 +44,7 @@ class Summary:
 
 @dataclass(frozen=True, eq=False)
 class RunContext:
-    """A run under way, and all that its steps share."""
+    """The parts of a run that all its steps share."""
 
     name: str
     sweep: Sweep
@@ -59,12 +57,11 @@ class RunContext:
 
 
 def run_sweep(name: str, sweep: Sweep, root: Path, executor: Executor, progress: Progress) -> Summary:
-    """Make what the folder `root` lacks of the sweep; a cell that fails is told in the summary and does not
-    stop the others.
+    """Run a sweep in the folder `root`, and keep all that is already there.
 
-    name: of the sweep, for messages and the manifest. PenumbraError where a scene cannot be read, before
-    anything is written; where the folder cannot be written or holds the run of another sweep; where another
-    run is at work in it; where a reference cannot be made.
+    name: of the sweep, for messages and the manifest. A cell that fails is listed in the summary and does not
+    stop the others. PenumbraError if a scene cannot be read, before anything is written; if the folder cannot
+    be written, holds another sweep's run, or is in use by another run; or if a reference cannot be made.
     """
     plans = lay_out(sweep, name)
     store = create_store(root)
@@ -112,8 +109,8 @@ def _version(backend: str) -> str:
 
 
 def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
-    """The request for each reference, by key: the most that a study wants of it, so that all studies see the
-    same image.
+    """The request for each reference, by key: the largest of any study, so that all studies share one
+    image.
     """
     requests: dict[str, ReferenceRequest] = {}
     for plan in plans:
@@ -124,9 +121,7 @@ def _requests(plans: Sequence[StudyPlan]) -> dict[str, ReferenceRequest]:
 
 
 def _check_folder(store: Store, manifest: Manifest) -> None:
-    """PenumbraError where the folder's manifest names cells that would be forgotten if `manifest` took its
-    place.
-    """
+    """Raise PenumbraError if `manifest` would replace one that names other cells."""
     try:
         lost = replaces(store.read_manifest(), manifest)
     except PenumbraError:  # none yet, or of a version whose cells this one could not read anyway
@@ -136,7 +131,7 @@ def _check_folder(store: Store, manifest: Manifest) -> None:
 
 
 def _score_key(context: RunContext, plan: StudyPlan, cell: Cell) -> str:
-    """The content address of a cell's scores: another image, reference, metric or formula gives another."""
+    """The content address of a cell's scores: it depends on image, reference, metrics and their code."""
     reference = _reference_key(plan, cell.variant)
     wanted = context.requests[reference]
     metrics = plan.study.scored
@@ -149,14 +144,14 @@ def _scene_file(store: Store, scene_hash: str) -> Path:
 
 
 def _hand_on(context: RunContext) -> None:
-    """Leave every scene, read once, to the workers."""
+    """Save every scene, which was read once, for the workers."""
     for variant in {v.hash: v for plan in context.plans for v in plan.variants}.values():
         save_scene(_scene_file(context.store, variant.hash), variant.read)
 
 
 def _references(context: RunContext) -> dict[str, StoredReference]:
-    """Every distinct reference of the sweep, by key, made one after the other: each takes the whole
-    machine.
+    """Make the sweep's distinct references one after the other, each on the whole machine; returns them
+    by key.
     """
     wanted = {_reference_key(plan, v): (plan, v) for plan in context.plans for v in plan.variants}
     made: dict[str, StoredReference] = {}
@@ -175,7 +170,7 @@ def _references(context: RunContext) -> dict[str, StoredReference]:
 
 
 def _cells(context: RunContext) -> int:
-    """Render what is missing; returns how many cells that were."""
+    """Render the cells that are missing; returns their number."""
     cells = fair_order(cell for plan in context.plans for cell in plan.cells)
     missing = [cell for cell in cells if _missing(context, cell.key, context.store.read_cell)]
     tasks = [
@@ -186,7 +181,7 @@ def _cells(context: RunContext) -> int:
 
 
 def _scores(context: RunContext, references: Mapping[str, StoredReference]) -> int:
-    """Score what is rendered and not scored; returns how many cells that were."""
+    """Score the rendered cells that have no scores; returns their number."""
     tasks = {task.key: task for task in _score_tasks(context, references)}
     there = [task for task in tasks.values() if (context.store.root / "cells" / task.cell).is_dir()]
     missing = [task for task in there if _missing(context, task.key, context.store.read_score)]
@@ -194,7 +189,7 @@ def _scores(context: RunContext, references: Mapping[str, StoredReference]) -> i
 
 
 def _score_tasks(context: RunContext, references: Mapping[str, StoredReference]) -> Iterator[ScoreTask]:
-    """One for each cell of each study, those of one reference together."""
+    """Yield a task for each cell of each study, those of one reference together."""
     root = context.store.root
     for plan in context.plans:
         for cell in sorted(plan.cells, key=lambda cell: cell.variant.hash):
@@ -224,7 +219,7 @@ def _missing(context: RunContext, key: str, read: Callable[[str], BaseModel | No
 def _compute(
     context: RunContext, title: str, function: Callable[[T], str], tasks: Sequence[T], total: int
 ) -> int:
-    """Compute `tasks`, of `total` items of which the others are there already; returns how many succeeded."""
+    """Compute the `tasks` that are left of `total` items; returns the number that succeeded."""
     done = 0
     with context.progress.step(title, total) as update:
         update(total - len(tasks))

@@ -1,4 +1,4 @@
-"""A job is a render to be made; running it is a pure function of the job and its scene."""
+"""Jobs: renders to be made, each a pure function of the job and its scene."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ReadScene:
 
 @dataclass(frozen=True, eq=False)
 class PreparedScene:
-    """A scene with all that is done once for it, and the seconds that this took."""
+    """A scene built for rendering, the hash of its content, and the seconds that reading took."""
 
     built: RenderScene
     hash: str
@@ -38,33 +38,33 @@ class PreparedScene:
 
 @dataclass(frozen=True, eq=False)
 class JobResult:
-    """The record of a job and all that the renderer gave."""
+    """The record of a job, and the render itself."""
 
     record: Record
     render: RenderResult
 
 
 def read_scene(name: str, parameters: Mapping[str, float]) -> ReadScene:
-    """Read a scene by library name or path; PenumbraError where it cannot be."""
+    """Read a scene by library name or path; PenumbraError if that fails."""
     start = time.perf_counter()
     description = load(name, parameters)
     return ReadScene(description, description.content_hash(), time.perf_counter() - start)
 
 
 def save_scene(path: Path, scene: ReadScene) -> None:
-    """Leave a scene to the processes of this run."""
+    """Save a scene for the processes of this run."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, pickle.dumps(scene))
 
 
 def open_scene(path: Path) -> PreparedScene:
-    """Build the scene that `save_scene` left."""
+    """Read and build a scene that `save_scene` saved."""
     read: ReadScene = pickle.loads(path.read_bytes())
     return build_scene(read)
 
 
 def build_scene(scene: ReadScene) -> PreparedScene:
-    """Build what was read."""
+    """Build a scene that was read."""
     return PreparedScene(build(scene.description), scene.hash, scene.seconds_load)
 
 
@@ -76,10 +76,9 @@ def run_job(
     threads: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> JobResult:
-    """Render `job`: the one way to an image with its record, for commands and for workers.
+    """Render a job and make its record, for commands as for workers.
 
-    The image is a function of `job` and `scene`; times and the record's date are not. PenumbraError as
-    `renderer.render` raises it.
+    The image is a function of `job` and `scene`. PenumbraError as `renderer.render` raises it.
     """
     result = render(
         scene.built,

@@ -1,4 +1,4 @@
-"""A cell that is no render of ours: the scene rasterised by pyrender, stored and scored as any other."""
+"""The cell of a baseline: the scene rasterised by pyrender, stored and scored as any other."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from renderer.film import Film
 
 
 def run_baseline(job: Job, scene: PreparedScene) -> tuple[Record, Film]:
-    """Draw the scene of a baseline's job; PenumbraError where OpenGL does not work here.
+    """Rasterise the scene of a baseline's job; PenumbraError if OpenGL does not work here.
 
-    The film counts one sample a pixel, in its middle, which is no random sample: nothing is to be read from
-    its spread. Seconds of building are those of making triangles; starting a process for OpenGL is left out,
-    as our own warm-up is.
+    The film counts one sample a pixel, which is not random and has no variance. The seconds of building are
+    those of making triangles; the start of a process for OpenGL is left out, as a render's warm-up is.
     """
     (drawn,) = rasterise([scene.built.description])
     image = drawn.image

@@ -1,6 +1,6 @@
-"""The tasks of a worker process: it renders a cell, or scores one, and stores it.
+"""The tasks of a worker process: render a cell or score one, and store it.
 
-Scenes and references are kept between items.
+A worker keeps scenes and references from one task to the next.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ REFERENCES_KEPT = 4
 
 @dataclass(frozen=True)
 class RenderTask:
-    """A cell to render into the run folder `root`. scene: the file that holds it, read once a run."""
+    """A cell to render into the run folder `root`. scene: the file of the scene that the run saved."""
 
     root: Path
     key: str
@@ -59,7 +59,7 @@ class ScoreTask:
 
 
 def render_cell(task: RenderTask) -> str:
-    """Render a cell, warmed up and with one thread, and store it. Returns its key."""
+    """Render a cell with one thread, after a warm-up, and store it. Returns its key."""
     job = task.job
     scene = _scene(task.scene)
     if job.estimator == BASELINE:
@@ -92,7 +92,7 @@ def _store(store: Store, record: Record, film: Film, tail: Floats) -> None:
 
 @functools.lru_cache(maxsize=SCENES_KEPT)
 def _scene(path: Path) -> PreparedScene:
-    """The scene, built once a worker; a record tells the seconds that this took in any case."""
+    """The scene, built once a worker, with the seconds that this took."""
     return open_scene(path)
 
 
@@ -128,8 +128,9 @@ def score_cell(task: ScoreTask) -> str:
 
 
 def _estimate(store: Store, task: ScoreTask) -> Estimate:
-    """The image, alone where it has no samples; its variance only where the samples tell it: two or more of a
-    sampler whose samples are independent.
+    """The image of a cell with its samples' statistics; a baseline has none.
+
+    The variance is known from two or more independent samples a pixel.
     """
     state = store.read_state(task.cell)
     if task.job.estimator == BASELINE:
@@ -141,7 +142,7 @@ def _estimate(store: Store, task: ScoreTask) -> Estimate:
 
 
 def _regions(task: ScoreTask) -> tuple[RegionMap | None, Regions | None]:
-    """The regions of the cell's picture; none where not light is estimated."""
+    """The regions of the cell's picture; none for a quantity other than light."""
     light = task.job.estimator == BASELINE or ESTIMATORS[task.job.estimator].quantity == RADIANCE
     if not light:
         return None, None
@@ -149,9 +150,7 @@ def _regions(task: ScoreTask) -> tuple[RegionMap | None, Regions | None]:
 
 
 def _with_umbra(reference: Reference, regions: Regions | None) -> Reference:
-    """The umbra is what both hold to be dark: no sample of the visibility pass arrived, and none of the
-    reference's.
-    """
+    """Set the umbra: the pixels that are dark both in the visibility pass and in the reference."""
     if regions is None or regions.dark.shape != reference.mean.shape[:2]:
         return reference
     return replace(reference, umbra=regions.dark & ~np.any(reference.mean != 0, axis=-1))

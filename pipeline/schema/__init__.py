@@ -1,1 +1,1 @@
-"""Pydantic models of what is written as JSON and read from TOML."""
+"""Pydantic models of the JSON files of a run and the TOML files of sweeps."""

@@ -1,7 +1,6 @@
-"""The contents that a run is to have: the sweep as validated, its cells by key, and what was left out and
-why.
+"""The manifest of a run: its validated sweep, the keys of its cells, and what was left out and why.
 
-`manifest.json` is written before the first image; whatever it names and the folder lacks is still to be made.
+`manifest.json` is written before the first image; cells that it names and the folder lacks are still to come.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ class _Frozen(BaseModel):
 
 
 class LeftOut(_Frozen):
-    """Cells that the grid has and the run has not, in words."""
+    """Cells of the grid that are not in the run, and the reason."""
 
     study: str
     scene: str
@@ -30,10 +29,9 @@ class LeftOut(_Frozen):
 
 
 class CellEntry(_Frozen):
-    """One cell: its job as this sweep names it, and where its record and scores are found.
+    """One cell: its job as this sweep names it, and the keys of its record and scores.
 
-    Cells are addressed by content, so that two names for one scene share a record; the job here is the one to
-    show.
+    Cells are addressed by content, so that two names for one scene share a record: show the job from here.
     """
 
     key: str = Field(description="cells/<key>/")
@@ -60,10 +58,10 @@ class Manifest(_Frozen):
 
 
 def replaces(old: Manifest, new: Manifest) -> str | None:
-    """The loss if `new` took the place of `old`, in words; None where there is none.
+    """Say which cells would be lost if `new` replaced `old`; None if none would.
 
-    The same sweep may go on, also with changed code, and a sweep that was added to or is scored otherwise.
-    Another sweep would leave cells in the folder that no manifest names.
+    A sweep may go on with changed code, with more cells, or with other scores. Another sweep would leave
+    cells in the folder that no manifest names.
     """
     if old.sweep == new.sweep:
         return None

@@ -1,4 +1,4 @@
-"""The records of a run, as versioned JSON: the job, what it cost, what it measured, and what made it.
+"""The records of a run as versioned JSON: the job, its cost, its result and its provenance.
 
 Every number that a report shows comes from here. Units: seconds; radiance in W/(m^2 sr); counts of rays. A
 record is read back as it was: NaN and infinities, which JSON lacks, are the strings "NaN", "Infinity" and
@@ -21,7 +21,7 @@ class _Frozen(BaseModel):
 
 
 class Job(_Frozen):
-    """One render to be made: everything that its image depends on, and nothing else."""
+    """One render to be made: all that its image depends on."""
 
     scene: str = Field(description="library name or path of a .pbrt file")
     parameters: dict[str, float] = Field(default_factory=dict, description="values of the template's $names")
@@ -32,7 +32,7 @@ class Job(_Frozen):
 
 
 class Seconds(_Frozen):
-    """Times of one cell. `render` and `cpu` are the passes alone; what is done once a scene is apart."""
+    """Times of one cell. `render` and `cpu` are of the passes alone, without work done once a scene."""
 
     load: float = Field(description="reading and parsing the scene")
     build: float = Field(description="arrays and the BVH")
@@ -42,7 +42,7 @@ class Seconds(_Frozen):
 
 
 class RayCounts(_Frozen):
-    """Rays actually traced: what the plan left out is not in them."""
+    """The rays that were traced, without those that the plan left out."""
 
     primary: int
     shadow: int
@@ -61,11 +61,9 @@ class SampleStatistics(_Frozen):
 
     noise: root mean square over pixels and channels of the standard error that independent samples would
     have. max_share: the largest reflected sample's share in all the reflected light of the image; in one
-    pixel a large share means nothing, as a
-        penumbra pixel rightly has one lit sample of 64.
-    hill: Hill's tail index of the largest reflected samples; below 2 the variance is not to be believed.
-    None: too few samples. verdict, reason: what these figures come to, and why, as a sentence
-    (pipeline/statistics/samples.py).
+    pixel a large share means nothing, since a penumbra pixel rightly has one lit sample of 64. hill: Hill's
+    tail index of the largest reflected samples; below 2 the variance cannot be believed; None for too few
+    samples. verdict, reason: the conclusion from these figures (pipeline/statistics/samples.py).
     """
 
     noise: float
@@ -90,10 +88,10 @@ class Provenance(_Frozen):
 
 
 class Score(_Frozen):
-    """A metric's value with its 95 % interval; `bound` says that `value` is an upper bound, the reference
-    being too noisy for more.
+    """A metric's value with its 95 % interval.
 
-    Where a metric is better higher the bound is a lower one. value None: undefined here (`note` says why).
+    value: None if undefined, for the reason in `note`. bound: whether `value` is only an upper bound, since
+    the reference is too noisy; a lower bound for a metric whose higher values are better.
     """
 
     metric: str
@@ -105,7 +103,7 @@ class Score(_Frozen):
 
 
 class ReferenceInfo(_Frozen):
-    """Which reference an image was scored against, and how sure that reference is of itself."""
+    """The reference that an image was scored against, with its own standard error."""
 
     backend: str
     key: str
@@ -138,9 +136,7 @@ class Record(_Frozen):
 
 
 class RegionMap(_Frozen):
-    """The label image of a scene's picture (pipeline/studies/regions.py): channels region, visibility,
-    dark.
-    """
+    """A scene's label image, with the channels region, visibility and dark (pipeline/studies/regions.py)."""
 
     schema_version: Literal[2] = SCHEMA_VERSION
     scene_hash: str

@@ -1,10 +1,8 @@
-"""Every content key of the pipeline: the address of a cell, a score, a reference and a region map.
+"""Content keys: the addresses of cells, scores, references and region maps.
 
-A key covers all that its entry depends on and no more: content of the scene, request, and the code with the
-libraries under it. This module imports neither renderer nor references; callers hand their versions in.
-
-The code of a reference is found by its imports, so that none can be forgotten; a reference made again for
-nothing is the lesser evil.
+A key covers all that its entry depends on: the content of the scene, the request, the code and the versions
+of its libraries. This module imports neither renderer nor references; callers pass their versions. The code
+of a reference is found by following its imports, so that none is forgotten.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ REFERENCE_FORMAT = 2  # entries of another layout are other entries
 
 
 def cell_key(scene_hash: str, job: Job, renderer: str) -> str:
-    """The address of a cell; names of scenes and of parameters are no part of it.
+    """The address of a cell, which does not depend on the names of its scene and parameters.
 
     renderer: `image_fingerprint` of the job, or the baseline's own.
     """
@@ -35,7 +33,7 @@ def cell_key(scene_hash: str, job: Job, renderer: str) -> str:
 
 
 def reference_key(scene_hash: str, backend: str, version: str, quantity: str, seed: int) -> str:
-    """The address of a reference: all that it depends on but the number of its samples.
+    """The address of a reference, which does not depend on the number of its samples.
 
     version: of the backend, with the hash of its code.
     """
@@ -48,7 +46,7 @@ def score_key(cell: str, reference: str, request: object, metrics: Sequence[str]
 
 
 def region_key(scene_hash: str, renderer: str) -> str:
-    """The address of a scene's label image; its own code is the study of regions."""
+    """The address of a scene's label image, which depends on the code of the study of regions."""
     study = hash_code(ROOT, [ROOT / "pipeline/studies/regions.py"], ())
     return hash_values(scene_hash, renderer, study)[:DIGITS]
 
@@ -57,7 +55,7 @@ def region_key(scene_hash: str, renderer: str) -> str:
 def metrics_fingerprint() -> str:
     """SHA-256 over the sources of metrics, statistics and regions, and the versions of METRIC_LIBRARIES.
 
-    A changed formula or library scores anew and renders nothing. A plug-in's metric is not among them.
+    If one of them changes, cells are scored again and not rendered. Metrics of plug-ins are not included.
     """
     own = [ROOT / "pipeline" / name for name in ("studies/regions.py", "run/worker.py")]
     folders = [ROOT / "pipeline" / name for name in ("metrics", "scoring", "statistics")]
@@ -66,5 +64,5 @@ def metrics_fingerprint() -> str:
 
 @functools.cache
 def imported_code(*files: Path) -> str:
-    """16 digits of a SHA-256 over these files, all that they import, and REFERENCE_LIBRARIES."""
+    """16 digits of a SHA-256 over these files, those that they import, and REFERENCE_LIBRARIES."""
     return hash_code(ROOT, imported_files(files, ROOT, FOLLOWED), REFERENCE_LIBRARIES)[:16]

@@ -1,4 +1,4 @@
-"""The one lock between processes: a lock file that the system frees when its holder ends, however it ends."""
+"""A lock between processes: a file whose lock the system frees when its holder ends."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from filelock import FileLock, Timeout
 
 @contextmanager
 def locked(path: Path, busy: Callable[[], None] = lambda: None) -> Generator[None]:
-    """Hold the lock file `path`, which stays when the lock is released.
+    """Hold the lock file `path`, which is kept after the lock is released.
 
-    busy: called once where another process holds it. It may raise; else the lock is waited for. OSError where
-    the file cannot be made or its file system has no locks.
+    busy: called once if another process holds the lock. It may raise; else the lock is waited for. OSError if
+    the file cannot be made, or its file system has no locks.
     """
     lock = FileLock(path, fallback_to_soft=False)
     try:

@@ -1,7 +1,4 @@
-"""Which machine this is, in words.
-
-Apart from `pipeline.store.provenance`, which asks the renderer for its fingerprint.
-"""
+"""A description of this machine. It lies apart from provenance.py, which imports the renderer."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Provenance: the versions, the commit and the machine that made a record.
-
-Found out once a process, stamped with the time on every record.
-"""
+"""Provenance of a record: the versions, the commit and the machine that made it, and the time."""
 
 from __future__ import annotations
 
@@ -51,14 +48,11 @@ def _of_this_process() -> Provenance:
 
 
 def _commit() -> str | None:
-    """The commit of the checkout that the code runs from, `+` after it if files differ; None outside a
-    checkout.
-    """
+    """The commit of the checkout that runs, with `+` if its files differ; None outside a checkout."""
     here = str(Path(__file__).parent)
     try:
-        _git(
-            here, "ls-files", "--error-unmatch", Path(__file__).name
-        )  # a virtual environment may lie in a foreign one
+        # A virtual environment may lie in another project's checkout.
+        _git(here, "ls-files", "--error-unmatch", Path(__file__).name)
         head = _git(here, "rev-parse", "HEAD")
         return head + ("+" if _git(here, "status", "--porcelain", "--untracked-files=no") else "")
     except (OSError, subprocess.SubprocessError):

@@ -1,12 +1,11 @@
 """The folder of a run.
 
-    manifest.json                                       what the run is to hold
+    manifest.json                                       the contents that the run is to have
     cells/<key>/{record.json,image.exr,state.npz}       one finished render; state.npz is its film in float64
     references/...                                      as `pipeline.references.cache` lays them out
     scores/<key>/{card.json,error.exr}                  one render scored against one reference
-    regions/<key>/{map.json,regions.exr}                which part of a scene's picture is lit, penumbra,
-    umbra ... (pipeline/run/region_maps.py)
-    report/                                             what `penumbra report` wrote
+    regions/<key>/{map.json,regions.exr}                a scene's label image (pipeline/run/region_maps.py)
+    report/                                             the page of `penumbra report`
 
 Cells and scores are addressed by content, written whole (see `pipeline.store.sealed_folder`) and verified
 when read, so that a run can be killed at any moment and started again. One run at a time works in a folder.
@@ -51,7 +50,7 @@ class Store:
 
     @property
     def scratch(self) -> Path:
-        """Where drafts lie until they are whole."""
+        """The folder of drafts that are not whole yet."""
         return self.root / ".scratch"
 
     def write_cell(self, record: Record, image: Writer, state: Arrays) -> None:
@@ -70,7 +69,7 @@ class Store:
         return from_npz((self.root / "cells" / key / "state.npz").read_bytes())
 
     def write_score(self, key: str, card: ScoreCard, error_map: Writer | None) -> None:
-        """Store the scores of a cell, and its error map where there is one."""
+        """Store the scores of a cell, and its error map if there is one."""
         files: dict[str, Writer | bytes] = {"card.json": _json(card)}
         if error_map is not None:
             files["error.exr"] = error_map
@@ -139,7 +138,7 @@ def create_store(root: Path) -> Store:
 
 @dataclass(frozen=True)
 class FinishedCell:
-    """A cell that was rendered, with its scores where it was scored."""
+    """A rendered cell; card: its scores, or None if it is not scored yet."""
 
     entry: CellEntry
     record: Record
@@ -158,7 +157,7 @@ class FinishedStudy:
 
 @dataclass(frozen=True)
 class Run:
-    """All that a report is made of."""
+    """A run folder as it was read: its manifest, and what is finished of each study."""
 
     root: Path
     manifest: Manifest

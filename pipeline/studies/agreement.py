@@ -1,4 +1,4 @@
-"""Do all estimators show the same picture? Each pair is tested, and each against a reference.
+"""Tests whether all estimators show the same picture, by pairs and against a reference.
 
 Estimators that share an idea may share a mistake, and Mitsuba may have no reference: a matrix of independent
 techniques that agree is the stronger evidence. Only estimators that claim to be unbiased are compared; an
@@ -53,8 +53,8 @@ class Member(_Row):
 class Pair(_Row):
     """Two images compared. difference: (a - b) / b of the image means, with its 95 % interval.
 
-    p: the least p-value, of the image mean or of a region; where: which of them. smallest_detectable: the
-    smallest relative bias of the image mean that the test would have caught.
+    p: the smaller p-value of the image mean and of the regions. where: the image or the region that has it.
+    smallest_detectable: the smallest relative bias of the image mean that the test would have caught.
     """
 
     a: str
@@ -101,11 +101,11 @@ def agreement(
     reference: tuple[str, ReferenceImage] | None = None,
     update: Update | None = None,
 ) -> Agreement:
-    """Render a scene with every unbiased estimator that applies (or those named) and compare all pairs.
+    """Render a scene with the named estimators, or all unbiased ones that apply, and compare all pairs.
 
-    reference: a backend's name and image, which joins them. alpha: chance of a false alarm anywhere in the
-    matrix, Sidak. Raises PenumbraError for spp < 16, for unknown names, and where fewer than two are left to
-    compare.
+    alpha: chance of a false alarm anywhere in the matrix, by Sidak. reference: a backend's name and its
+    image, which is compared too. PenumbraError for spp < 16, for unknown names, and for fewer than two
+    images.
     """
     if spp < LEAST_SPP:
         raise PenumbraError(
@@ -151,7 +151,7 @@ def comparable(estimators: Sequence[str] | None = None) -> list[str]:
 
 
 def _comparable(name: str, named: bool) -> bool:
-    """True if an estimator claims unbiased radiance; PenumbraError for a named one that does not."""
+    """True if an estimator claims to be unbiased; PenumbraError for one that was named and does not."""
     estimator = ESTIMATORS[name]
     why = estimator.bias or (None if estimator.quantity == RADIANCE else "its quantity is another")
     if named and why:
@@ -181,9 +181,7 @@ def _render(
 
 
 def _standard_error(variance: NDArray[np.float64]) -> float:
-    """The standard error of the mean over pixels and channels, these fully correlated. variance: (h, w,
-    3).
-    """
+    """Standard error of the mean over pixels and fully correlated channels. variance: (h, w, 3)."""
     deviation = np.sqrt(variance).mean(axis=2)
     return float(np.sqrt((deviation * deviation).sum()) / deviation.size)
 

@@ -41,10 +41,10 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 class Rung(BaseModel):
-    """One estimator at one distance h, in units of the light's size. truth, mean, se: reflected radiance,
-    W/(m^2 sr).
+    """One estimator at one distance h, in units of the light's size.
 
-    mean, se and max_share are None where the estimator was refused; hill is None without a tail to speak of.
+    truth, mean, se: reflected radiance, W/(m^2 sr). mean, se and max_share are None if the estimator does not
+    apply. hill: None without a tail.
     """
 
     model_config = ConfigDict(frozen=True, ser_json_inf_nan="null")
@@ -94,9 +94,7 @@ def disk(geometry: str, h: float) -> Setting:
 
 
 def sphere(geometry: str, h: float) -> Setting:
-    """A sphere of diameter 1, its lowest point at height h, or standing on the floor, the point h away from
-    where it stands.
-    """
+    """A sphere of diameter 1, its lowest point at height h, or standing on the floor at distance h."""
     center = np.array([0, h + 0.5, 0]) if geometry == "parallel" else np.array([0, 0.5, 0])
     point = np.zeros(3) if geometry == "parallel" else np.array([0, 0, h])
     e = sphere_irradiance(point[None], UP, center, 0.5)
@@ -125,9 +123,9 @@ def climb(
     rungs: Sequence[float] = RUNGS,
     estimators: Sequence[str] | None = None,
 ) -> Iterator[Rung]:
-    """Every rung of every light and geometry by these estimators, or by all.
+    """Yield the rungs of every light and geometry by the named estimators, or by all.
 
-    PenumbraError for an unknown light or estimator, and for too few samples.
+    PenumbraError for an unknown light or estimator, a negative seed, or fewer than 100 samples.
     """
     names = (
         [n for n, one in ESTIMATORS.items() if one.quantity == RADIANCE] if estimators is None else estimators

@@ -1,4 +1,4 @@
-"""The moments of both sides of a test: of a reference, of a render, of replicates."""
+"""Moments of a reference, of a render and of replicates, as the two sides of a test."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ FLOAT32 = 1e-6  # of the image mean: rounding of a float32 renderer where the tr
 
 
 def of_reference(image: ReferenceImage) -> Moments:
-    """A reference's moments.
+    """The moments of a reference.
 
-    A deterministic one has the bound of its error and no variance; a sampled one has FLOAT32 as its bound.
+    A deterministic one has an error bound and no variance; a sampled one has FLOAT32 as its bound.
     """
     if image.batches == 0:
         return Moments(image.mean, np.zeros_like(image.mean), np.inf, bound=np.sqrt(image.variance))
@@ -28,10 +28,10 @@ def of_reference(image: ReferenceImage) -> Moments:
 def of_render(result: RenderResult, spp: int) -> Moments:
     """The moments of a render of independent samples, `spp` a pixel, 2 or more.
 
-    Its largest draw is the largest reflected sample or, where a light is in view, the least possible maximum:
-    samples of mean m and variance v cannot all be below m + v / m. A pixel below 0 proves negative samples,
-    whose range is taken to be symmetric: none is further from its pixel's mean than the root of the sum of
-    squared deviations.
+    Its largest draw is the largest reflected sample or, in pixels that see a light, the least possible
+    maximum: samples of mean m and variance v cannot all be below m + v / m. A pixel below 0 proves that there
+    are negative samples. Their range is taken to be symmetric: none is farther from its pixel's mean than the
+    root of the sum of squared deviations.
     """
     film = result.film
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -54,5 +54,5 @@ def of_replicates(images: Array) -> Moments:
 
 
 def _most(image: Array) -> Array:
-    """(h, w, 3) -> (3,), the greatest finite value, at least 0."""
+    """The largest finite value (3,) of an image (h, w, 3) by channel; at least 0."""
     return np.max(np.where(np.isfinite(image), image, 0.0), axis=(0, 1), initial=0.0)

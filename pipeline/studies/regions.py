@@ -47,9 +47,10 @@ SEED = 0x5EE  # no cell's seed, so that no estimate shares samples with the pass
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """label: (h, w) int64, an index into LABELS. dark: (h, w), the truth is 0.
+    """The regions of a picture.
 
-    visibility: (h, w), 0 to 1, nan in background and light.
+    label: (h, w), an index into LABELS. visibility: (h, w), 0 to 1; nan in background and light. dark: (h,
+    w), whether the true radiance is 0.
     """
 
     label: NDArray[np.int64]
@@ -93,12 +94,11 @@ Rule = Callable[[RenderScene, RenderPlan, SurfaceHit, Floats], Floats]
 
 @dataclass(frozen=True)
 class _Probe(Estimator):
-    """A question put to every point that is seen, as an estimator: three flags in the place of radiance."""
+    """An estimator that returns the three flags of a rule in place of radiance."""
 
     rule: Rule
 
     def refuses(self, scene: SceneDescription) -> str | None:
-        """Applies to every scene."""
         return None
 
     def dimensions(self, scene: RenderScene) -> int:
@@ -106,19 +106,18 @@ class _Probe(Estimator):
         return 3
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """0 or 1 in each channel."""
         if hit.p.shape[1] == 0:
             return Reflected(np.zeros((3, 0)), 0)
         return Reflected(self.rule(scene, plan, hit, u), 0)
 
 
 def _nothing(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Floats:
-    """Black: what is left is emission."""
+    """No reflected light, so that only emission is left."""
     return np.zeros_like(hit.p)
 
 
 def _visibility(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Floats:
-    """A light sample is sent to the front of the point; it arrives; there is a point."""
+    """Whether a light sample is sent to the point's front, whether it arrives, and 1 for the point itself."""
     light, u = choose_light(scene, u)
     sample = sample_light(scene, supporting_techniques(scene, *BEST), hit, light, u)
     with np.errstate(invalid="ignore"):
@@ -130,7 +129,7 @@ def _visibility(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats
 
 
 def _nearness(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Floats:
-    """Along a direction of the hemisphere a light, or what may shade the point, is nearer than CONTACT."""
+    """Whether a light or an occluder is nearer than CONTACT along a random direction of the hemisphere."""
     wi = combine(frame_about(hit.n), *uniform_hemisphere(u))
     reach = CONTACT * scene.camera.distance(hit.p)
     near = light_along(scene, hit, wi)[0].dist < reach
@@ -140,7 +139,7 @@ def _nearness(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) 
 
 
 def to_channels(regions: Regions) -> dict[str, Floats]:
-    """The channels of a label image: `region` (LABELS by number), `visibility`, `dark`."""
+    """The channels of a label image: `region` (an index into LABELS), `visibility` and `dark`."""
     return {
         "region": regions.label.astype(np.float64),
         "visibility": regions.visibility,

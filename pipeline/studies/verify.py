@@ -1,4 +1,4 @@
-"""Is an estimator unbiased? One render against a reference, by tests that state the bias they would catch.
+"""Tests whether an estimator is unbiased against a reference, and states the bias that they would catch.
 
 First the guard: samples with a heavy tail (statistics/samples.py) have no standard error to test by, whatever
 their p-values are. Then tests (statistics/welch.py) of the image mean, a grid, each region of the picture,
@@ -56,7 +56,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The estimator's moments, and the statistics of its samples."""
+    """The moments of the estimator's image, and the statistics of its samples."""
 
     moments: Moments
     statistics: SampleStatistics
@@ -83,8 +83,8 @@ def verify(
 ) -> Verification:
     """Render the scene by the trial's estimator and test the image against a reference of the same scene.
 
-    parts: regions to test besides, by name (see `region_masks`). PenumbraError where the trial's numbers are
-    out of range, and where the estimator does not apply to the scene.
+    parts: further regions to test, by name (`region_masks`). PenumbraError if the trial's numbers are out of
+    range, or the estimator does not apply to the scene.
     """
     _check(trial)
     return judge(trial, _draw(scene, trial, threads, progress), of_reference(reference), parts)
@@ -99,7 +99,7 @@ def region_masks(scene: RenderScene, threads: int = 1) -> dict[str, Mask]:
 def judge(
     trial: Trial, side: Side, reference: Moments, parts: Mapping[str, Mask] | None = None
 ) -> Verification:
-    """The verdict on an estimator's side, by one family of tests for the image, a grid, each part, pixels."""
+    """The verdict on an image, by a family of tests each for its mean, a grid, every part, and its pixels."""
     ours, named = side.moments, parts or {}
     height, width = ours.mean.shape[:2]
     grid = (min(GRID, height), min(GRID, width))
@@ -147,12 +147,11 @@ def _draw(scene: RenderScene, trial: Trial, threads: int, progress: Progress | N
     """One render of independent samples, or replicates of others with the first one's statistics."""
 
     def once(seed: int, progress: Progress | None = None) -> RenderResult:
-        estimator, sampler, spp = trial.estimator, trial.sampler, trial.spp
         return render(
             scene,
-            estimator=estimator,
-            sampler=sampler,
-            spp=spp,
+            estimator=trial.estimator,
+            sampler=trial.sampler,
+            spp=trial.spp,
             seed=seed,
             threads=threads,
             progress=progress,

@@ -46,7 +46,7 @@ SAMPLES_A_CALL = 2**24  # of all pixels together; measured, one such call takes 
 
 @dataclass(frozen=True)
 class Probe:
-    """The outcome of trying one variant: `detail` is its LLVM and time, or the reason of its failure."""
+    """The outcome of trying one variant. detail: its LLVM and time, or the reason of its failure."""
 
     variant: str
     ok: bool
@@ -122,7 +122,7 @@ def _what_to_render(scene: SceneDescription, quantity: Quantity) -> SceneDescrip
 
 
 def most_spp(film: Film, variant: str) -> int:
-    """Samples a pixel in one call: few enough for float32 and for memory."""
+    """The most samples a pixel in one call that float32 and the memory allow."""
     if variant.startswith("scalar"):
         return SPP_A_CALL
     return max(1, min(SPP_A_CALL, SAMPLES_A_CALL // (film.width * film.height)))

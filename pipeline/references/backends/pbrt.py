@@ -65,8 +65,9 @@ class PbrtBackend:
         self.timeout = timeout  # seconds, after which one run of pbrt is given up
 
     def version(self) -> str:
-        """The binary's content, and a hash of the code that exports scenes to it and reads its images;
-        PenumbraError where there is no binary.
+        """A hash of the binary, and one of the code that exports scenes to it and reads its images.
+
+        PenumbraError if there is no binary.
         """
         binary = _binary()
         stat = binary.stat()
@@ -125,15 +126,16 @@ def batch_seed(seed: int, number: int, channel: int) -> int:
 
 
 def passes(scene: SceneDescription, quantity: Quantity) -> list[SceneDescription]:
-    """The scenes whose gray images are the channels of this scene's; one if all channels are equal."""
+    """The gray scenes whose images are the channels of this scene's image; one if all channels are equal."""
     if quantity == "ambient-occlusion":
         return [bare_scene(scene)]
     return gray_scenes(scene)
 
 
 def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
-    """The scene for pbrt, with an integrator for the quantity and without any seed; PenumbraError where there
-    is none.
+    """The scene as pbrt text, with an integrator for the quantity and without a seed.
+
+    PenumbraError for a scene that pbrt cannot have, or renders otherwise.
     """
     if not all(light.in_pbrt for light in environments(scene.lights)):
         raise PenumbraError(
@@ -152,7 +154,7 @@ def exported(scene: SceneDescription, quantity: Quantity) -> ExportedScene:
 
 
 def _with(text: str, directive: str, line: str) -> str:
-    """The one `directive` of the text, on a line of its own, replaced."""
+    """Replace the one line of the text that begins with `directive`."""
     replaced, count = re.subn(rf"^{directive} .*$", lambda _: line, text, flags=re.MULTILINE)
     if count != 1:
         raise PenumbraError(f"the exported scene has {count} lines `{directive}` where one was expected")
@@ -160,7 +162,7 @@ def _with(text: str, directive: str, line: str) -> str:
 
 
 def _binary() -> Path:
-    """pbrt; PenumbraError where it is missing or cannot be run."""
+    """The path of pbrt; PenumbraError if it is missing or not executable."""
     named = os.environ.get(VARIABLE)
     if not named:
         found = shutil.which("pbrt")

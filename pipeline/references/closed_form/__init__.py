@@ -1,1 +1,1 @@
-"""Closed forms as references."""
+"""Images by formula and quadrature, as references."""

@@ -21,8 +21,7 @@ import numpy as np
 from scenes.arrays import Array
 
 # Below this angular extent of the visible piece the arc and the chord cancel to (extent)^3: a positive
-# cubature
-# over the piece is used instead. At the threshold the contour still has 13 digits and the cubature has all.
+# cubature over the piece is used instead. At the threshold the contour still has 13 digits, the cubature all.
 SMALL_PIECE = 0.1
 _PSI, _PSI_WEIGHT = np.polynomial.legendre.leggauss(16)
 _TAU, _TAU_WEIGHT = np.polynomial.legendre.leggauss(8)
@@ -30,8 +29,9 @@ _TAU, _TAU_WEIGHT = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """Elliptic cones with apex at the points. e1, e2, e3: (3, n), right-handed, orthonormal; a <= b, c: (n,),
-    up to a common factor.
+    """n elliptic cones of directions.
+
+    e1, e2, e3: (3, n), orthonormal, right-handed axes. a <= b, c: (n,), up to a common factor.
     """
 
     e1: Array
@@ -85,8 +85,9 @@ def _lateral(offset: Array, w: Array) -> tuple[Array, Array]:
 
 
 def disk_cone(points: Array, center: Array, normal: Array, radius: Array | float) -> Cone:
-    """The cone over a disk. points, center: (3, n); normal: (3, n), unit, of either sign; a point in the
-    disk's plane gives a flat cone.
+    """The cones from points over disks. points, center: (3, n). normal: (3, n), unit, of either sign.
+
+    A point in the disk's plane gives a flat cone.
 
     With the far and the near rim at distances d1 and d2, D = d1 d2 and q = a^2 + h^2 - R^2, the squared axes
     are D - q, 2 R^2 and D + q, each taken from the quotient 4 R^2 h^2 / (D +- q) where the difference would
@@ -124,10 +125,7 @@ def _bisector(lateral: Array, radius: Array, height: Array, d1: Array, d2: Array
 
 
 def sphere_cone(points: Array, center: Array, radius: Array | float) -> Cone:
-    """The cone of a sphere seen from outside. points, center: (3, n).
-
-    On or inside the sphere the cone is a half-space (c = 0).
-    """
+    """The cones from points around spheres; a half-space (c = 0) on or inside one. points, center: (3, n)."""
     offset = center - points
     distance = np.sqrt(dot(offset, offset))
     radius = np.broadcast_to(np.asarray(radius, dtype=np.float64), distance.shape)
@@ -139,9 +137,7 @@ def sphere_cone(points: Array, center: Array, radius: Array | float) -> Cone:
 
 
 def cone_irradiance(cone: Cone, normal: Array) -> Array:
-    """Irradiance (n,) per unit radiance from the part of the cones above the horizon of the unit normals (3,
-    n).
-    """
+    """Irradiance (n,) per unit radiance from the parts of cones above the horizon. normal: (3, n), unit."""
     n1, n2, n3 = dot(normal, cone.e1), dot(normal, cone.e2), dot(normal, cone.e3)
     tilt, level = np.hypot(n1 * cone.a, n2 * cone.b), n3 * cone.c
     spread = np.hypot(cone.a, cone.c) * np.hypot(cone.b, cone.c)

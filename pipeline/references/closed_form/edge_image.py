@@ -64,7 +64,7 @@ def unshadowed(scene: EdgeScene, points: Array) -> Array:
 
 
 def floor_points(scene: EdgeScene, film: FilmPlane) -> tuple[Index, Array]:
-    """The pixels (m,) that lie wholly on the floor, and where their middles see it, (m, 3)."""
+    """The pixels (m,) that show only the floor, and the points (m, 3) seen in their middles."""
     floor, _ = classify(film, film.planes(scene.floor.patch.outline))
     sheet, mixed = classify(film, film.planes(scene.sheet.patch.outline))
     floor[mixed] = False
@@ -93,7 +93,7 @@ def _kinks(scene: EdgeScene, film: FilmPlane) -> Array:
 
 
 def _cut(pieces: Pieces, plane: Array) -> Pieces:
-    """The pieces cut in two along a plane (3,)."""
+    """Cut every piece in two along a plane (3,)."""
     parts: Pieces = []
     for polygons, pixel in pieces:
         side = polygons @ plane

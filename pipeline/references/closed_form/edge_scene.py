@@ -1,4 +1,4 @@
-"""Which scenes are a straight edge before a light over a floor, and what of them the closed form needs.
+"""Recognise scenes of a straight edge before a light over a floor, and take their parts.
 
 Accepted: one light, flat and convex, one-sided; a floor and a sheet, flat, convex, diffuse, in parallel
 planes, the sheet between floor and light; the camera above the sheet's plane, with the light out of its view.
@@ -23,15 +23,15 @@ from scenes.description.scene import Film as FilmDescription
 from scenes.description.shapes import Mesh, ShapeDescription
 from scenes.errors import SceneError
 
-# the light's least distance from floor and sheet, of its extent: nearer, a cell's rule would not resolve it
-NEAR = 0.02
+NEAR = 0.02  # least distance of the light from the sheet, of its extent: a cell's rule resolves no less
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeScene:
-    """radiance: (3,). edge: (2, 3), two points of it. blocked: (3,), unit, from the edge into the sheet.
+    """A light, a floor, and a sheet between them with one straight edge.
 
-    Plane normals are to the light's side.
+    radiance: (3,). edge: (2, 3), two points of it. blocked: (3,), unit, from the edge into the sheet. Normals
+    of the planes lie on the light's side.
     """
 
     light: Patch
@@ -45,7 +45,9 @@ class EdgeScene:
 
 
 def analyse_edge(scene: SceneDescription) -> EdgeScene:
-    """The parts of such a scene; SceneError saying in one sentence why it is none."""
+    """The parts of a scene with a straight edge; SceneError with the reason in one sentence if it has
+    none.
+    """
     emitting = [shape for shape in scene.shapes if shape.emission]
     others = [shape for shape in scene.shapes if not shape.emission]
     if len(emitting) != 1 or scene.lights or len(others) != 2:
@@ -108,7 +110,7 @@ def _require_clear_order(light: Patch, floor: Plane, sheet: Plane, camera: Camer
 
 
 def _require_light_out_of_view(light: Patch, camera: Camera, film: FilmDescription) -> None:
-    """Wholly beyond one side of the frustum, or behind the camera."""
+    """Raise SceneError unless the light is beyond one side of the frustum or behind the camera."""
     plane = film_plane(camera, film)
     x, y, z = plane.to_camera @ (light.outline - plane.eye).T
     sides = (z, x - plane.x[0] * z, plane.x[-1] * z - x, y - plane.y[-1] * z, plane.y[0] * z - y)

@@ -25,7 +25,7 @@ PARALLEL = 1e-9  # sine below which planes count as parallel, and an edge as par
 
 
 def area_emitter(shape: ShapeDescription) -> Patch | Disk | Sphere:
-    """The emitter that an emitting shape is; SceneError where it has no closed form."""
+    """The light of an emitting shape; SceneError if it has no closed form."""
     if shape.alpha is not None:
         raise SceneError("there is no closed form of a light with an alpha", shape.where)
     return _area_emitter(shape.geometry, shape)
@@ -54,7 +54,7 @@ def _(geometry: Mesh, shape: ShapeDescription) -> Patch:
 
 
 def point_emitter(light: Light) -> PointLight:
-    """The emitter that a light without a shape is; SceneError where it has no closed form."""
+    """The light, if it is a point light; SceneError for any other, which has no closed form."""
     if isinstance(light, PointLight):
         return light
     raise SceneError("the closed form has no spot lights, nor a sky or sun beside another light", light.where)
@@ -93,7 +93,7 @@ def most_irradiance(light: Emitter, plane: Plane) -> float:
 
 
 def most_flux(light: Emitter) -> float | None:
-    """Upper bound of the integral of `irradiance` over the whole plane, None where none is needed."""
+    """Upper bound of the integral of `irradiance` over the whole plane; None if none is needed."""
     return 2 * np.pi if isinstance(light, PointLight) else None
 
 
@@ -133,15 +133,16 @@ def own_plane(light: Emitter) -> Plane | None:
 
 
 def straight_edge(light: Emitter) -> Array | None:
-    """A straight edge (3,) of the light's outline, None where it has none."""
+    """A straight edge (3,) of the light's outline; None for a round light."""
     return light.outline[1] - light.outline[0] if isinstance(light, Patch) else None
 
 
 @singledispatch
 def boundary(light: Emitter, points: Array, x_axis: Array, s_axis: Array) -> tuple[Array, Array]:
-    """Distances (...) of points (..., 3) to the light's boundary where it is singular along x and along s.
+    """Distances (...) of points (..., 3) to the parts of the light's boundary that are singular along x and
+    s.
 
-    An edge parallel to an axis does no harm along that axis.
+    An edge parallel to an axis is not singular along that axis.
     """
     raise TypeError(f"no closed form of a {type(light).__name__} is known")
 
@@ -177,7 +178,7 @@ def _(light: PointLight, points: Array, x_axis: Array, s_axis: Array) -> tuple[A
 
 
 def cone_of(light: Emitter, eye: Array, forward: Array) -> Cone | None:
-    """The elliptic cone from the eye (3,) over a disk or sphere that lies along `forward`, else None."""
+    """The cone from the eye (3,) over a disk or sphere ahead of it; None for other lights, or behind it."""
     if isinstance(light, Patch | PointLight) or forward @ (light.center - eye) <= 0:
         return None
     apex, center = eye[:, None], light.center[:, None]

@@ -54,7 +54,7 @@ class FilmPlane:
 
     @property
     def pixels(self) -> int:
-        """Their number."""
+        """The number of pixels."""
         return (self.x.size - 1) * (self.y.size - 1)
 
     def squares(self, pixel: Index) -> Array:
@@ -98,9 +98,9 @@ def film_plane(camera: Camera, film: Film) -> FilmPlane:
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs of the light's elliptic outline, each in one pixel. pixel: (n,).
+    """Arcs of the light's elliptic outline, each in one pixel.
 
-    t: (n, 2), angles of `cone`, whose apex is the eye.
+    pixel: (n,). t: (n, 2), the ends as angles of `cone`, whose apex is the eye.
     """
 
     pixel: Index
@@ -125,10 +125,10 @@ class Arcs:
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """The light on the film. covered: (w h,) bool, pixels wholly covered. mixed: (n,), pixels cut.
+    """The light on the film.
 
-    planes: (n, k, 3), inside where all are positive, padded with planes that everything is inside of. arcs:
-    segments to be added.
+    covered: (w h,), the pixels that it covers wholly. mixed: (n,), those that it may cover in part. planes:
+    (n, k, 3), of a mixed pixel; the light is on the positive side of all. arcs: the rest of a round outline.
     """
 
     covered: NDArray[np.bool_]
@@ -138,7 +138,7 @@ class Silhouette:
 
 
 def silhouette(scene: ClosedFormScene, film: FilmPlane) -> Silhouette:
-    """Where the light is on the film."""
+    """The pixels that the light covers, wholly or in part."""
     if isinstance(scene.light, Patch):
         return patch_silhouette(scene.light, film)
     arcs = _arcs(film, _cone(scene, film))
@@ -179,7 +179,7 @@ def not_behind(film: FilmPlane, outline: Silhouette, pieces: Pieces) -> Pieces:
 
 
 def classify(film: FilmPlane, planes: Array) -> tuple[NDArray[np.bool_], Index]:
-    """Pixels wholly inside all `planes` (m, 3), (w h,) bool, and indices of those that they may cut."""
+    """The pixels (w h,) wholly inside all `planes` (m, 3), and the indices of those that may be cut."""
     x, y = np.meshgrid(film.x, film.y)
     side = x[..., None] * planes[:, 0] + y[..., None] * planes[:, 1] + planes[:, 2]
     corners = np.stack((side[:-1, :-1], side[:-1, 1:], side[1:, :-1], side[1:, 1:]))
@@ -189,7 +189,7 @@ def classify(film: FilmPlane, planes: Array) -> tuple[NDArray[np.bool_], Index]:
 
 
 def clip_by_planes(polygons: Array, planes: Array) -> Array:
-    """Polygons (n, v, 3) cut by their planes (n, k, 3); what is empty comes back without area."""
+    """Clip polygons (n, v, 3) to the inside of their planes (n, k, 3); empty ones have no area."""
     for k in range(planes.shape[1]):
         polygons = _cut(polygons, planes[:, k])[0]
     return polygons
@@ -211,7 +211,7 @@ def outside_planes(polygons: Array, owner: Index, planes: Array) -> Pieces:
 
 
 def _cut(polygons: Array, plane: Array) -> tuple[Array, Index]:
-    """Clip, and drop the vertices that no polygon needs any more."""
+    """Clip polygons (n, v, 3) by a plane each, and drop the vertices that none needs any more."""
     clipped, count = clip_polygon_by_plane(polygons, plane)
     return np.where((count > 0)[:, None, None], clipped, 0.0)[:, : max(3, int(count.max(initial=0)))], count
 
@@ -223,7 +223,7 @@ def areas(polygons: Array) -> Array:
 
 
 def _cone(scene: ClosedFormScene, film: FilmPlane) -> Cone | None:
-    """The light's cone from the eye; None without one, seen edge-on, or behind the camera."""
+    """The light's cone from the eye; None for a light without one, seen edge-on, or behind the camera."""
     cone = cone_of(scene.light, film.eye, film.to_camera[2])
     return cone if cone and cone.a[0] > FLAT_CONE * cone.c[0] else None
 

@@ -26,7 +26,7 @@ _U, _V = (grid.ravel() for grid in np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """origin, x_axis, s_axis: (3,), world, orthonormal axes in the plane."""
+    """The receivers' plane with orthonormal axes. origin, x_axis, s_axis: (3,), world space."""
 
     scene: ClosedFormScene
     plane: Plane
@@ -41,14 +41,14 @@ class Floor:
         return float(self.plane.height(self.film.eye))
 
     def project(self, film_points: Array) -> Array:
-        """Where the plane is seen at film points (..., 3): world points (..., 3)."""
+        """World points (..., 3) of the plane that are seen at film points (..., 3)."""
         d = film_points @ self.film.to_world.T
         down = d @ self.plane.normal
         t = -self.height / np.where(down < 0, down, -np.inf)
         return self.film.eye + t[..., None] * d
 
     def coordinates(self, film_points: Array) -> Array:
-        """(x, s) (..., 2) of what is seen at film points (..., 3)."""
+        """Coordinates (x, s), (..., 2), of the plane's points that are seen at film points (..., 3)."""
         d = film_points @ self.film.to_world.T
         t = -self.height / (d @ self.plane.normal)
         to_eye = self.film.eye - self.origin
@@ -112,7 +112,7 @@ class Floor:
 
 
 def make_floor(scene: ClosedFormScene, film: FilmPlane) -> Floor | None:
-    """The receivers' plane with axes that suit the light; None without one, or if the eye is in it."""
+    """The receivers' plane with axes that suit the light; None without receivers, or if the eye is in it."""
     plane, own = scene.plane, emitters.own_plane(scene.light)
     if plane is None or plane.height(film.eye) <= 0:
         return None
@@ -132,7 +132,7 @@ def make_floor(scene: ClosedFormScene, film: FilmPlane) -> Floor | None:
 
 
 def front_plane(scene: ClosedFormScene, film: FilmPlane) -> Array | None:
-    """The film's half-space (3,) that shows the plane's points before a flat light; None without one."""
+    """The half-space (3,) of the film that shows points of the plane before a flat light; None for others."""
     own = emitters.own_plane(scene.light)
     if scene.plane is None or own is None:
         return None

@@ -43,9 +43,9 @@ _ARC_RULES = tuple(np.polynomial.legendre.leggauss(order) for order in (5, 3))
 
 @dataclass(frozen=True, eq=False)
 class PixelImage:
-    """mean, bound: (h w, 3), radiance averaged over each pixel and the bound of its error.
+    """Radiance averaged over each pixel, and the bound of its error: mean, bound (h w, 3).
 
-    cells: how many the quadrature evaluated.
+    cells: the number that the quadrature evaluated.
     """
 
     mean: Array
@@ -86,8 +86,9 @@ def render_reference(
 
 
 def closed_form_image(scene: ClosedFormScene, film: FilmPlane, tolerance: float) -> PixelImage:
-    """Average radiance over every pixel, to `tolerance` relative to the greater of its value and a hundredth
-    of the receivers' mean.
+    """Average the radiance over every pixel.
+
+    tolerance: of the error, relative to the pixel's value or, if that is greater, a hundredth of their mean.
     """
     outline, floor = silhouette(scene, film), make_floor(scene, film)
     arc_area, arc_light, arc_error = _segments(scene, film, floor, outline)
@@ -142,7 +143,10 @@ def _floor_light(
 
 
 def _lit(scene: ClosedFormScene, film: FilmPlane, pieces: Pieces) -> Pieces:
-    """The parts before the light, and apart from them those behind a two-sided one: a kink lies between."""
+    """Cut the pieces into parts before and behind the light, between which there is a kink.
+
+    Parts behind a light of one side are dropped: they are dark.
+    """
     plane = front_plane(scene, film)
     if plane is None:
         return pieces
@@ -172,9 +176,9 @@ def _floor_radiance(scene: ClosedFormScene, film: FilmPlane, floor: Floor | None
 def _segments(
     scene: ClosedFormScene, film: FilmPlane, floor: Floor | None, outline: Silhouette
 ) -> tuple[Array, Array, Array]:
-    """Area (pixels,) between chord and arc of an elliptic outline, the receivers' radiance there, its error.
+    """The segments between chord and arc of an elliptic outline, where the light covers the receivers.
 
-    The latter two are (pixels, 3). The light is seen there, but the receivers' cut pieces cover it.
+    Returns their area (pixels,), the receivers' radiance there (pixels, 3), and its error (pixels, 3).
     """
     arcs = outline.arcs
     fine, coarse = (_over_segments(scene, film, floor, outline, rule) for rule in _ARC_RULES)

@@ -11,8 +11,7 @@ from scenes.arrays import Array
 from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
 
-# out-of-plane error allowed, relative to a shape's extent: far above rounding, far below any picture
-FLAT = 1e-9
+FLAT = 1e-9  # out-of-plane error allowed, of a shape's extent: far above rounding, invisible in any picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +43,8 @@ def outline(mesh: TriangleMesh | BilinearMesh, shape: ShapeDescription, *, orien
     """The outline of a mesh that tiles a planar convex polygon; SceneError if it does not.
 
     Proof of tiling: all faces are convex and turn the same way, shared edges cancel, and the other edges form
-    one convex loop of winding number 1, so that every point inside is covered exactly once. oriented: faces
-    must already turn the same way, as a light's do; else those that do not are turned round.
+    one convex loop of winding number 1, so that every point inside is covered exactly once. oriented: whether
+    faces must already turn the same way, as a light's do; else they are turned.
     """
     if shape.alpha is not None or shape.has_relief:
         raise SceneError("the closed form needs shapes without an alpha, a normal map or bumps", shape.where)
@@ -73,7 +72,7 @@ def _corners(mesh: TriangleMesh | BilinearMesh) -> NDArray[np.int64]:
 
 
 def _require_flat(p: Array, normal: Array, size: float, shape: ShapeDescription) -> None:
-    """p: (f, c, 3), faces. All in one plane, all convex, all turning about `normal`."""
+    """Raise SceneError unless the faces p (f, c, 3) are in one plane, convex, and turn about `normal`."""
     if float(np.ptp(p @ normal)) > FLAT * size:
         raise SceneError("the closed form needs every shape to be flat, and this one is not", shape.where)
     edges = np.roll(p, -1, axis=1) - p

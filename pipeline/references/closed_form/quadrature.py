@@ -83,10 +83,10 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Integrand:
-    """f(x, s) -> value, all (...), smooth in each cell; at most `most(cells)` (n,) in a cell.
+    """A function to integrate, smooth in each cell.
 
-    resolved(cells) -> along x (n,), across (n,): each direction's extent over what the singularities allow,
-    fine where <= 1.
+    value: f(x, s), all (...). most: upper bound (n,) of f in each cell. resolved: for each cell its extent
+    along x (n,) and across (n,), in units of the largest that the singularities allow.
     """
 
     value: Callable[[Array, Array], Array]
@@ -96,7 +96,7 @@ class Integrand:
 
 @dataclass(frozen=True, eq=False)
 class Totals:
-    """Integrals and error bounds for each owner, (owners,); cells: how many were evaluated."""
+    """Integral and error bound of each owner, (owners,). cells: the number evaluated."""
 
     value: Array
     bound: Array

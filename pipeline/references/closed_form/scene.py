@@ -85,8 +85,9 @@ def _under_point(scene: SceneDescription, light: Light) -> ClosedFormScene:
 
 
 def ground(scene: SceneDescription) -> tuple[tuple[Receiver, ...], Plane | None, Array]:
-    """The receivers, their plane (None without any) and the eye (3,); SceneError if they are not coplanar,
-    flat and diffuse under a box filter.
+    """The receivers, their plane (None without any) and the eye (3,).
+
+    SceneError if the receivers are not flat, diffuse and coplanar, or the pixel filter is not a box.
     """
     pixel = scene.film.pixel_filter
     if (pixel.kind, pixel.xradius, pixel.yradius) != ("box", 0.5, 0.5):
@@ -123,7 +124,7 @@ def _common_plane(receivers: tuple[Receiver, ...], eye: Array) -> Plane | None:
 
 
 def _require_apart(receivers: tuple[Receiver, ...]) -> None:
-    """No two receivers may overlap: rounding would decide which is seen."""
+    """Raise SceneError if two receivers overlap: rounding would decide which one is seen."""
     patches = [receiver.patch for receiver in receivers]
     for i, a in enumerate(patches):
         for b in patches[:i]:

@@ -1,9 +1,8 @@
-"""Closed-form images of coplanar receivers under lights that shine on all of them alike: distant ones, and a
-sky of one radiance.
+"""Closed-form images of coplanar receivers under distant lights and a sky of one radiance.
 
-Nothing is hidden from anything, so that the irradiance is a number and a pixel is a matter of areas: the
-share of it that each receiver covers, and the sky in the rest. Ambient occlusion is the same with white
-receivers under a white, unseen sky.
+Nothing is hidden, so that all receivers have one irradiance. A pixel is the mean of receivers and sky,
+weighted by the areas that they cover in it. Ambient occlusion is the image of white receivers under a white
+sky that is not seen itself.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ ROUNDING = 1e-12  # of a pixel's area: what clipping and summing a few polygons 
 
 @dataclass(frozen=True, eq=False)
 class UniformScene:
-    """irradiance: (3,), on the side of the receivers that the camera sees; sky: (3,), the radiance where
-    nothing is met.
+    """Receivers of one irradiance. irradiance: (3,), on the side in view. sky: (3,), radiance of the
+    background.
     """
 
     receivers: tuple[Receiver, ...]
@@ -38,15 +37,13 @@ class UniformScene:
 
 
 def is_uniform(scene: SceneDescription) -> bool:
-    """Whether all of its light comes from directions rather than from places."""
+    """Whether all light of a scene comes from infinitely far away."""
     emits = any(shape.emission for shape in scene.shapes)
     return bool(scene.lights) and not emits and all(light.place is None for light in scene.lights)
 
 
 def uniform_scene(scene: SceneDescription) -> UniformScene:
-    """The parts of such a scene; SceneError where its sky is not of one radiance, or its surfaces are not
-    plain enough.
-    """
+    """The parts of a scene of one irradiance; SceneError with the reason if it is none."""
     receivers, plane, _ = ground(scene)
     irradiance, sky = np.zeros(3), np.zeros(3)
     for light in scene.lights:
@@ -57,7 +54,7 @@ def uniform_scene(scene: SceneDescription) -> UniformScene:
 
 @singledispatch
 def _uniform(light: Light, plane: Plane | None) -> tuple[Array, Array]:
-    """Irradiance (3,) on the plane and radiance (3,) of the sky; SceneError where they are not constant."""
+    """The light's irradiance (3,) on the plane and its radiance (3,) as a sky; SceneError if they vary."""
     raise SceneError("the closed form needs a sky of one radiance all around", light.where)
 
 
@@ -74,8 +71,9 @@ def _(light: Environment, plane: Plane | None) -> tuple[Array, Array]:
 
 
 def open_scene(scene: SceneDescription) -> UniformScene:
-    """The scene whose image is the ambient occlusion of `scene`; SceneError where shapes may hide something
-    from each other.
+    """White receivers whose radiance is the ambient occlusion of `scene`.
+
+    SceneError if shapes may hide the sky from each other.
     """
     if any(shape.emission for shape in scene.shapes):
         raise SceneError(
@@ -106,5 +104,5 @@ def _share(film: FilmPlane, receiver: Receiver) -> Array:
 
 
 def _cosine(wi: Array, plane: Plane | None) -> float:
-    """Between the light and the side of the plane that is seen; 0 where the plane itself is in the way."""
+    """The cosine between wi and the plane's normal; 0 for light from behind."""
     return 0.0 if plane is None else max(0.0, float(wi @ plane.normal))

@@ -1,11 +1,10 @@
-"""Environments for Mitsuba: any number of them, summed into one latitude-longitude image, and how far that is
-from the truth.
+"""The sum of a scene's environments as one latitude-longitude image for Mitsuba, with its measured error.
 
-pbrt looks an environment up to the nearest texel, of a square equal-area map or (ours) of a
-latitude-longitude one. Mitsuba has one environment at most, in latitude and longitude, and interpolates: its
-first and last rows lie on the poles, its columns' middles at (i + 1/2) / width. So each of its texels gets
-the mean of the truth over the cell around it, and the image is made so fine that the ramps between texels are
-narrow. What is left is measured, not assumed: `compare`.
+pbrt takes the nearest texel of a square equal-area map, and Penumbra also of a latitude-longitude one.
+Mitsuba has one environment at most, in latitude and longitude, and interpolates: its first and last rows lie
+on the poles, its columns' middles at (i + 1/2) / width. So each of its texels gets the mean of the truth over
+the cell around it, and the image is so fine that the ramps between texels are narrow. `compare` measures the
+error that is left.
 """
 
 from __future__ import annotations
@@ -33,12 +32,11 @@ QUADRATURE = 512  # parts of the truth from pole to pole, at least
 
 @dataclass(frozen=True, eq=False)
 class LatitudeLongitude:
-    """image: (rows, columns, 3), rows from pole to pole inclusive. frame: (3, 3), columns its axes in world
-    space.
+    """An image in latitude and longitude.
 
-    irradiance_error: the largest error of the irradiance of `DIRECTIONS` surfaces, over the largest
-    irradiance. mean_error: the mean absolute error of radiance, over the mean radiance: what is seen where
-    texels meet.
+    image: (rows, columns, 3), rows from pole to pole inclusive. frame: (3, 3), its axes in world space as
+    columns. irradiance_error: the largest error of the irradiance of `DIRECTIONS` surfaces, over the largest
+    irradiance. mean_error: the mean absolute error of radiance, over the mean radiance.
     """
 
     image: Array
@@ -48,9 +46,7 @@ class LatitudeLongitude:
 
 
 def radiance(environment: Environment, own: Array) -> Array:
-    """The radiance that pbrt reads towards unit vectors (..., 3) of the environment's own space: (..., 3),
-    W/(m^2 sr).
-    """
+    """pbrt's radiance (..., 3), in W/(m^2 sr). own: unit vectors (..., 3) in the environment's own space."""
     value = np.broadcast_to(environment.radiance, own.shape)
     if environment.image is not None:
         value = value * environment.image[_texel(environment, own)]
@@ -67,14 +63,14 @@ def _texel(environment: Environment, own: Array) -> tuple[Index, Index]:
 
 
 def _latitude_longitude(d: Array) -> Array:
-    """(u, v) in [0, 1]: the angle from +x towards +y, and that from +z."""
+    """Coordinates (u, v) in [0, 1], (..., 2): the angle from +x towards +y, and the angle from +z."""
     angle = np.arctan2(d[..., 1], d[..., 0]) / (2 * np.pi)
     polar = np.arctan2(np.hypot(d[..., 0], d[..., 1]), d[..., 2]) / np.pi
     return np.stack([angle - np.floor(angle), polar], axis=-1)
 
 
 def equal_area_square(d: Array) -> Array:
-    """Unit vectors (..., 3) on the square [0, 1]^2, (..., 2), by the equal-area octahedral map [pharr2023,
+    """Map unit vectors (..., 3) to the square [0, 1]^2 by the equal-area octahedral map [pharr2023,
     3.8.3].
     """
     x, y, z = (np.abs(d[..., i]) for i in range(3))
@@ -89,9 +85,7 @@ def equal_area_square(d: Array) -> Array:
 
 @functools.lru_cache(maxsize=2)
 def resampled(environments: tuple[Environment, ...]) -> LatitudeLongitude:
-    """The sum of the environments as one image in the frame of the first that has an image, or a
-    hemisphere.
-    """
+    """The sum of environments as one image, in the frame of the first with an image or a hemisphere."""
     first = next((one for one in environments if one.image is not None or one.hemisphere), environments[0])
     rows, columns = _size(environments)
     image = np.concatenate([_rows(environments, first.frame, rows, columns, j) for j in range(0, rows, 64)])
@@ -118,7 +112,7 @@ def _size(environments: Sequence[Environment]) -> tuple[int, int]:
 
 
 def _rows(environments: Sequence[Environment], frame: Array, rows: int, columns: int, start: int) -> Array:
-    """64 rows from `start` on: means over cells, weighted by solid angle."""
+    """64 rows of the image from `start` on: means over cells, weighted by solid angle."""
     step = np.pi / (rows - 1)
     cells = np.arange(start, min(start + 64, rows))
     parts = 2 * max(
@@ -140,13 +134,13 @@ def _directions(polar: Array, azimuth: Array) -> Array:
 
 
 def _sum(environments: Sequence[Environment], d: Array, frame: Array) -> Array:
-    """The sum of all environments, towards unit vectors (..., 3) in `frame`."""
+    """The summed radiance of all environments towards unit vectors d (..., 3) in `frame`."""
     own = (d if one.frame is frame else d @ (frame.T @ one.frame) for one in environments)
     return functools.reduce(np.add, (radiance(one, its) for one, its in zip(environments, own, strict=True)))
 
 
 def interpolated(image: Array, d: Array) -> Array:
-    """The value that Mitsuba reads of `image` towards d, (m, 3) in the image's own frame: (m, 3)."""
+    """Mitsuba's interpolated values (m, 3) of an image towards unit vectors d (m, 3) in its own frame."""
     rows, columns = image.shape[:2]
     place = _latitude_longitude(d) * (columns, rows - 1) - (0.5, 0.0)
     low = np.floor(place).astype(np.int64)
@@ -158,10 +152,10 @@ def interpolated(image: Array, d: Array) -> Array:
 
 
 def compare(environments: Sequence[Environment], image: Array, frame: Array) -> tuple[float, float]:
-    """irradiance_error and mean_error of LatitudeLongitude.
+    """Measure `irradiance_error` and `mean_error` of an image, see LatitudeLongitude.
 
-    Irradiance is summed over parts of the truth's own texels, which no edge cuts, and over the image's cells:
-    each is exact to 1e-6 or so, and their difference is the resampling's.
+    Irradiance is summed over parts of the truth's own texels, which no edge cuts, and over the image's cells.
+    Each sum is exact to about 1e-6, so that their difference is the error of resampling.
     """
     normals = fibonacci(DIRECTIONS)
     truth = functools.reduce(np.add, (_irradiance(*_parts(one), normals) for one in environments))
@@ -175,15 +169,15 @@ def compare(environments: Sequence[Environment], image: Array, frame: Array) -> 
 
 
 def _irradiance(d: Array, value: Array, normals: Array) -> Array:
-    """The irradiance of surfaces with these normals (k, 3), from radiance times solid angle (m, 3) towards d
-    (m, 3): (k, 3).
+    """Irradiance (k, 3) of surfaces. d: (m, 3). value: (m, 3), radiance times solid angle. normals: (k,
+    3).
     """
     return np.stack([np.maximum(d @ normal, 0.0) @ value for normal in normals])
 
 
 def _cells(image: Array, frame: Array) -> tuple[Array, Array]:
-    """Directions of the image's texels, and what each contributes when interpolated: the integral of its tent
-    over the sphere.
+    """Directions of the image's texels, and the integrals of their tents when it is interpolated, (m, 3)
+    each.
     """
     rows, columns = len(image), len(image[0])
     step, wide = np.pi / (rows - 1), 2 * np.pi / columns
@@ -196,7 +190,7 @@ def _cells(image: Array, frame: Array) -> tuple[Array, Array]:
 
 
 def _parts(environment: Environment) -> tuple[Array, Array]:
-    """Directions of equal parts of the environment's texels, and radiance times solid angle of each."""
+    """Directions of equal parts of the environment's texels, and their radiance times solid angle."""
     height, width = (2, 4) if environment.image is None else environment.image.shape[:2]
     by_latitude = environment.image is None or environment.mapping != "equal-area"
     cut = [2 * -(-QUADRATURE // (2 * count)) for count in (height, width // 2 if by_latitude else width)]
@@ -216,7 +210,7 @@ def _parts(environment: Environment) -> tuple[Array, Array]:
 
 
 def equal_area_direction(u: Array, v: Array) -> Array:
-    """The inverse of `equal_area_square`: u, v in [0, 1], broadcast, to unit vectors (..., 3)."""
+    """Unit vectors (..., 3) of points u, v in [0, 1], broadcast: the inverse of `equal_area_square`."""
     x, y = np.broadcast_arrays(2 * u - 1, 2 * v - 1)
     ax, ay = np.abs(x), np.abs(y)
     inside = 1 - ax - ay
@@ -232,7 +226,7 @@ def equal_area_direction(u: Array, v: Array) -> Array:
 
 
 def fibonacci(count: int) -> Array:
-    """Unit vectors (count, 3), evenly spread."""
+    """Unit vectors (count, 3), spread evenly over the sphere."""
     i = np.arange(count)
     z = 1 - (2 * i + 1) / count
     azimuth = i * (np.pi * (3 - np.sqrt(5.0)))

@@ -2,8 +2,8 @@
 
 Mitsuba cannot multiply or mix textures. It can blend two BSDFs by a texture, and Lambertian reflection is
 linear in its reflectance: a mix or a checkerboard of textures is a blend of diffuse surfaces, exactly.
-Constants are multiplied into what they scale; of two images the product is made where it is an image, which
-it is for texels that are not interpolated.
+Constants are multiplied into the textures that they scale. Two images are multiplied if neither is
+interpolated, since their product is then an image.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_TEXELS = 2**24  # of a product of two images: 200 MB in float32
 
 @dataclass(frozen=True, eq=False)
 class _Blend:
-    """(1 - weight) first + weight second; weight: a share or a texture whose channels are equal."""
+    """A blend (1 - weight) first + weight second. weight: a number, or a texture of equal channels."""
 
     first: _Tree
     second: _Tree
@@ -36,9 +36,10 @@ _Tree = Array | ImageTexture | _Blend
 
 
 def bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
-    """The material on both sides, as pbrt's. to_uv: (3, 3), from Mitsuba's uv of the shape to pbrt's.
+    """Mitsuba's BSDF of a material, two-sided as pbrt's. to_uv: (3, 3), from Mitsuba's uv of the shape to
+    pbrt's.
 
-    SceneError where it or its textures have no counterpart.
+    SceneError if Mitsuba cannot have the material or its textures.
     """
     if isinstance(material, Microfacets) and material.varying is not None:
         raise SceneError("a roughness that varies is not handed to Mitsuba", where)
@@ -52,13 +53,13 @@ def _bsdf(material: Material, to_uv: Array, where: Location | None) -> Plugin:
 
 @_bsdf.register
 def _(material: Diffuse, to_uv: Array, where: Location | None) -> Plugin:
-    """Mitsuba's `diffuse` is black from behind and pbrt's is not."""
+    """Two-sided: Mitsuba's `diffuse` alone is black from behind, and pbrt's is not."""
     return Plugin("bsdf", "twosided", {"one": _diffuse(_expand(material.reflectance, where), to_uv)})
 
 
 @_bsdf.register
 def _(material: Conductor, to_uv: Array, where: Location | None) -> Plugin:
-    """Mitsuba's mirrors are pbrt's; its rough metal has another G, see `plugins`."""
+    """Mitsuba's mirrors are pbrt's; its rough metal has another shadowing term (plugins.py)."""
     if material.alpha == 0:
         mirror = Plugin("bsdf", "conductor", {"eta": material.eta, "k": material.k})
         return Plugin("bsdf", "twosided", {"one": mirror})
@@ -69,7 +70,7 @@ def _(material: Conductor, to_uv: Array, where: Location | None) -> Plugin:
 
 @_bsdf.register
 def _(material: Dielectric, to_uv: Array, where: Location | None) -> Plugin:
-    """Mitsuba's smooth boundaries and panes are pbrt's; its rough one has another G, see `plugins`."""
+    """Mitsuba's smooth glass is pbrt's; its rough glass has another shadowing term (plugins.py)."""
     indices = {"int_ior": material.eta, "ext_ior": 1.0}
     if material.alpha == 0:
         return Plugin("bsdf", "thindielectric" if material.thin else "dielectric", indices)
@@ -117,13 +118,15 @@ def _(material: MixedMaterial) -> Texture | None:
 
 
 def is_textured(material: Material, where: Location | None) -> bool:
-    """Whether it matters where on the shape a point is."""
+    """Whether the material's reflectance varies over the shape."""
     reflectance = _reflectance(material)
     return reflectance is not None and not isinstance(_expand(reflectance, where), np.ndarray)
 
 
 def bitmap(image: Array, mapping: UVMapping, wrap: str, filtering: str, to_uv: Array) -> Plugin:
-    """The image (h, w, c), first row at t = 1, as Mitsuba's, whose first row is at v = 0."""
+    """Mitsuba's texture of an image (h, w, c), whose first row is at t = 1 in pbrt and at v = 0 in
+    Mitsuba.
+    """
     h, w = image.shape[:2]
     place = np.array([[mapping.su, 0, mapping.du], [0, -mapping.sv, 1 - mapping.dv], [0, 0, 1]])
     if wrap == "black":  # Mitsuba has no such mode: a frame of black texels, repeated outwards
@@ -181,7 +184,7 @@ def _(texture: np.ndarray, where: Location | None) -> _Tree:
 
 
 def _uv_mapping(texture: ImageTexture | Checkerboard, where: Location | None) -> UVMapping:
-    """The texture's mapping; SceneError where it is none of texture coordinates."""
+    """The texture's mapping; SceneError unless it is by texture coordinates."""
     if not isinstance(texture.mapping, UVMapping):
         raise SceneError(f"Mitsuba has no counterpart of a {type(texture.mapping).__name__}", where)
     return texture.mapping

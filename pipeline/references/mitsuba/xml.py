@@ -1,9 +1,8 @@
-"""A scene as Mitsuba 3 XML, its meshes and images in files beside it: what `mitsuba scene.xml` renders as our
-reference is rendered.
+"""A scene as Mitsuba 3 XML, with its meshes and images in files beside it.
 
-The coordinates are the reference's own, near the origin and of a size that float32 resolves
-(`mitsuba_scene`); a comment says how to get back. Two things that our reference adds to Mitsuba are not in
-the file, which says so: pbrt's rough metal and its pixel filters.
+`mitsuba scene.xml` renders it as the reference is rendered, in the same coordinates, near the origin and of a
+size that float32 resolves (scene.py). A comment says how to get back to the scene's. pbrt's rough surfaces
+and pixel filters, which the reference adds to Mitsuba, are not in the file; a comment says so.
 """
 
 from __future__ import annotations
@@ -30,8 +29,9 @@ MICROFACETS = (
 
 @dataclass(frozen=True, eq=False)
 class MitsubaFiles:
-    """text: the XML. images: (h, w, 1 or 3), to be written as float32 EXR; meshes: PLY; both by file name.
-    notes: what a user should know.
+    """A scene's files. text: the XML. notes: differences that a user should know.
+
+    images: (h, w, 1 or 3) by file name, to be written as float32 EXR. meshes: PLY by file name.
     """
 
     text: str
@@ -41,9 +41,9 @@ class MitsubaFiles:
 
 
 def to_xml(scene: SceneDescription, stem: str) -> MitsubaFiles:
-    """The scene as XML; stem: what the names of the other files begin with.
+    """Write a scene as XML. stem: how the names of the other files begin.
 
-    SceneError or PenumbraError where Mitsuba has no counterpart.
+    SceneError or PenumbraError for a part of the scene that Mitsuba cannot have.
     """
     converted, frame = convert(scene), normalising_frame(scene)
     writer = _Writer(stem)
@@ -90,9 +90,7 @@ def _moved(frame: Frame) -> str:
 
 
 def _filter(film: Film) -> tuple[list[str], list[str]]:
-    """The reconstruction filter, and what is to be said of it; PenumbraError where Mitsuba has none like
-    it.
-    """
+    """The reconstruction filter, and notes on it; PenumbraError if Mitsuba has none like it."""
     chosen = film.pixel_filter
     if chosen.kind == "box" and chosen.xradius == chosen.yradius == 0.5:
         return ['<rfilter type="box"/>'], []
@@ -135,8 +133,9 @@ def _sensor(scene: MitsubaScene, rfilter: list[str], spp: int) -> list[str]:
 
 @dataclass(eq=False)
 class _Writer:
-    """Writes plugins, and collects what goes into files of its own. microfacets: whether there
-    are any, which Mitsuba masks in another way.
+    """Writes plug-ins as XML, and collects the images and meshes beside it.
+
+    microfacets: whether a rough surface was written, which Mitsuba masks in another way.
     """
 
     stem: str
@@ -199,7 +198,7 @@ def _alphas(plugin: Plugin) -> dict[str, float]:
 
 
 def _value(name: str, value: Any) -> list[str]:
-    """One parameter of a plugin, as its type says."""
+    """The XML of one parameter of a plug-in."""
     if isinstance(value, np.ndarray):
         value = cast("Array", value)
         if value.ndim == 2:
@@ -211,8 +210,9 @@ def _value(name: str, value: Any) -> list[str]:
 
 
 def _transform(name: str, matrix: Array) -> list[str]:
-    """(4, 4), or (3, 3) of the plane: Mitsuba drops the translation of nine numbers, and reads that of
-    sixteen from where space has it.
+    """The XML of a transformation (4, 4), or (3, 3) of the plane, always as sixteen numbers.
+
+    Of nine numbers Mitsuba would drop the translation.
     """
     if len(matrix) == 3:
         plane, matrix = matrix, np.eye(4)
@@ -226,7 +226,7 @@ def _indented(lines: list[str]) -> Iterator[str]:
 
 
 def ply(vertices: Array, faces: Faces, uv: Array | None, normals: Array | None = None) -> bytes:
-    """Binary PLY in float32: vertices (m, 3), faces (t, 3), normals (m, 3) and uv (m, 2) or None."""
+    """A mesh as binary PLY in float32. vertices, normals: (m, 3). faces: (t, 3). uv: (m, 2)."""
     columns = {"xyz": vertices, "n": normals, "uv": uv}
     given = {key: column for key, column in columns.items() if column is not None}
     names = [name for key in given for name in (("nx", "ny", "nz") if key == "n" else key)]

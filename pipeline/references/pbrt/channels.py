@@ -1,4 +1,4 @@
-"""One colour channel of a scene as a gray scene: what a spectral renderer reproduces exactly."""
+"""The colour channels of a scene as gray scenes, which a spectral renderer reproduces exactly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def gray_scenes(scene: SceneDescription) -> list[SceneDescription]:
 
 
 def _channel(scene: SceneDescription, c: int) -> SceneDescription:
-    """The scene with channel c of each colour in place of all three."""
+    """The scene with channel c of each colour in all three channels."""
 
     def gray(colors: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.repeat(colors[..., c : c + 1], CHANNELS, axis=-1)

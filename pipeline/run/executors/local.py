@@ -28,7 +28,7 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 @dataclass(frozen=True)
 class _Worker:
-    """A pool of one process each: a process that dies takes only its own item with it."""
+    """A pool of one process, so that a process that dies takes only its own item with it."""
 
     pool: ProcessPoolExecutor
     pid: Future[int]
@@ -41,9 +41,9 @@ class _Worker:
 
 
 class LocalExecutor:
-    """`workers` processes, spawned when first needed.
+    """Computes in `workers` processes, which are spawned when first needed.
 
-    A context manager; leaving it ends them, at once if by an error.
+    A context manager: leaving it ends them, at once after an error.
     """
 
     def __init__(self, workers: int) -> None:
@@ -100,7 +100,7 @@ def _start() -> _Worker:
 
 @contextmanager
 def _one_thread() -> Generator[None]:
-    """The environment that a process is to be born with."""
+    """Set the environment of new processes to one thread."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     try:
@@ -114,7 +114,7 @@ def _one_thread() -> Generator[None]:
 
 
 def _begin() -> None:
-    """First thing in a worker: leave Ctrl-C to the run, and do not outlive it, however it ends."""
+    """Begin a worker: leave Ctrl-C to the run, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
 

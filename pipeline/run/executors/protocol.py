@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Outcome(Generic[T, R]):
-    """The outcome of one item: its result, or in words why there is none."""
+    """The outcome of one item: its result, or the reason of its failure in words."""
 
     item: T
     result: R | None
@@ -26,9 +26,8 @@ class Executor(Protocol):
     workers: int
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[Outcome[T, R]]:
-        """Outcomes as they come, begun in the order of `items`. A function that raises fails its own item
-        only.
+        """Yield outcomes as they come; items are begun in order. An exception fails its own item only.
 
-        `function` and `items` must pickle. Closing the iterator early abandons what has not finished.
+        `function` and `items` must pickle. Closing the iterator early abandons unfinished items.
         """
         ...
