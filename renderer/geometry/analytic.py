@@ -6,8 +6,8 @@ Nothing here is tessellated or rounded to float32: a light 1e-12 above a floor i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from functools import singledispatch
 
 import numpy as np
@@ -207,8 +207,13 @@ class AnalyticPrimitives:
         return quadrics.to_object(x, y, z, away), quadrics.to_object(x, y, z, d[:, None, :])
 
 
+Row = tuple[float, ...]  # one primitive's numbers, in the order of the fields of AnalyticPrimitives
+VECTORS = ("origin", "x", "y", "normal", "z")  # the fields of three numbers
+NOWHERE = (0.0, 0.0, 0.0)
+
+
 @singledispatch
-def primitives_of(geometry: Geometry, shape: int) -> list[AnalyticPrimitives]:
+def primitives_of(geometry: Geometry, shape: int) -> list[Row]:
     """The primitives of a shape: one, or one for each face of a mesh. shape: its number in the scene.
 
     A face without area gets NaN; as a light it is refused.
@@ -217,47 +222,45 @@ def primitives_of(geometry: Geometry, shape: int) -> list[AnalyticPrimitives]:
 
 
 @primitives_of.register
-def _(geometry: Sphere, shape: int) -> list[AnalyticPrimitives]:
+def _(geometry: Sphere, shape: int) -> list[Row]:
     side = -1.0 if geometry.reverse else 1.0
-    return [_single(SPHERE, shape, geometry.center, radius=geometry.radius, side=side)]
+    return [_row(SPHERE, shape, geometry.center, radius=geometry.radius, side=side)]
 
 
 @primitives_of.register
-def _(geometry: Disk, shape: int) -> list[AnalyticPrimitives]:
-    return [_single(DISK, shape, geometry.center, radius=geometry.radius, normal=geometry.normal)]
+def _(geometry: Disk, shape: int) -> list[Row]:
+    return [_row(DISK, shape, geometry.center, radius=geometry.radius, normal=geometry.normal)]
 
 
 @primitives_of.register
-def _(geometry: Quadric, shape: int) -> list[AnalyticPrimitives]:
-    x, y, z = quadrics.inverse_rows(geometry)
+def _(geometry: Quadric, shape: int) -> list[Row]:
     g, side = geometry, -1.0 if geometry.reverse else 1.0
-    kind = QUADRIC + quadrics.FORMS.index(g.form)
-    plain = _single(kind, shape, g.matrix[:, 3], x=x, y=y, radius=g.radius, side=side)
-    zmin, zmax, inner, phimax = (np.array([v]) for v in (g.zmin, g.zmax, g.inner, np.radians(g.phimax)))
-    return [replace(plain, z=z[:, None], zmin=zmin, zmax=zmax, inner=inner, phimax=phimax)]
+    kind, axes = QUADRIC + quadrics.FORMS.index(g.form), quadrics.inverse_rows(g)
+    part = (g.zmin, g.zmax, g.inner, float(np.radians(g.phimax)))
+    return [_row(kind, shape, g.matrix[:, 3], list(axes), radius=float(g.radius), side=side, part=part)]
 
 
 @primitives_of.register
-def _(geometry: BilinearMesh, shape: int) -> list[AnalyticPrimitives]:
+def _(geometry: BilinearMesh, shape: int) -> list[Row]:
     return [_rectangle(shape, corners, geometry.reverse) for corners in geometry.vertices[geometry.faces]]
 
 
 @primitives_of.register
-def _(geometry: TriangleMesh, shape: int) -> list[AnalyticPrimitives]:
+def _(geometry: TriangleMesh, shape: int) -> list[Row]:
     return [_triangle(shape, corners, geometry.reverse) for corners in geometry.vertices[geometry.faces]]
 
 
-def _rectangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
+def _rectangle(shape: int, corners: Floats, reverse: bool) -> Row:
     """A rectangle by its corners (4, 3) in the order p00 p10 p01 p11."""
     ex, ey = corners[1] - corners[0], corners[2] - corners[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         lx, ly = float(np.linalg.norm(ex)), float(np.linalg.norm(ey))
         normal = np.cross(ex, ey)
         normal = normal / np.linalg.norm(normal) * (-1.0 if reverse else 1.0)
-        return _single(RECTANGLE, shape, corners[0], x=ex / lx, y=ey / ly, lx=lx, ly=ly, normal=normal)
+        return _row(RECTANGLE, shape, corners[0], (ex / lx, ey / ly), (lx, ly), normal)
 
 
-def _triangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
+def _triangle(shape: int, corners: Floats, reverse: bool) -> Row:
     """A triangle by its corners (3, 3), a corner a row."""
     a, b = corners[1] - corners[0], corners[2] - corners[0]
     normal = np.cross(a, b)
@@ -265,47 +268,34 @@ def _triangle(shape: int, corners: Floats, reverse: bool) -> AnalyticPrimitives:
         square = normal @ normal
         x, y = np.cross(b, normal) / square, np.cross(normal, a) / square
         normal = normal / np.sqrt(square) * (-1.0 if reverse else 1.0)
-    return _single(TRIANGLE, shape, corners[0], x=x, y=y, normal=normal)
+    return _row(TRIANGLE, shape, corners[0], (x, y), normal=normal)
 
 
-def _single(
+def _row(
     kind: int,
     shape: int,
     origin: Floats,
-    x: Floats | None = None,
-    y: Floats | None = None,
-    lx: float = 0.0,
-    ly: float = 0.0,
+    axes: Sequence[Floats] = (),
+    lengths: Row = (0.0, 0.0),
     normal: Floats | None = None,
     radius: float = 0.0,
     side: float = 1.0,
-) -> AnalyticPrimitives:
-    def column(v: Floats | None) -> Floats:
-        return np.zeros((3, 1)) if v is None else np.asarray(v, dtype=np.float64)[:, None]
-
-    return AnalyticPrimitives(
-        np.array([kind], dtype=np.int8),
-        np.array([shape], dtype=np.int64),
-        column(origin),
-        column(x),
-        column(y),
-        np.array([lx]),
-        np.array([ly]),
-        column(normal),
-        np.array([radius]),
-        np.array([side]),
-        column(None),
-        *(np.zeros(1) for _ in range(4)),
-    )
+    part: Row = (0.0, 0.0, 0.0, 0.0),
+) -> Row:
+    n = NOWHERE if normal is None else normal.tolist()
+    x, y, z = (*(axis.tolist() for axis in axes), NOWHERE, NOWHERE, NOWHERE)[:3]
+    return (float(kind), float(shape), *origin.tolist(), *x, *y, *lengths, *n, radius, side, *z, *part)
 
 
-def join(parts: list[AnalyticPrimitives]) -> AnalyticPrimitives:
-    """All primitives of a list in one object, in order; an empty list gives one of length 0."""
-    end = None if parts else 0
-    some = parts or [_single(SPHERE, 0, np.zeros(3))]  # for the shapes of its arrays alone
-    return AnalyticPrimitives(
-        *(
-            np.concatenate([getattr(p, f.name) for p in some], axis=-1)[..., :end]
-            for f in fields(AnalyticPrimitives)
-        )
-    )
+def join(rows: Sequence[Row]) -> AnalyticPrimitives:
+    """All primitives of a list in one object, in order."""
+    names = [field.name for field in fields(AnalyticPrimitives)]
+    sizes = [3 if name in VECTORS else 1 for name in names]
+    table = np.array(rows, dtype=np.float64).reshape(-1, sum(sizes)).T
+    parts = np.split(table, np.cumsum(sizes)[:-1])
+    found = {
+        name: np.ascontiguousarray(part if len(part) == 3 else part[0])
+        for name, part in zip(names, parts, strict=True)
+    }
+    kind, shape = found.pop("kind").astype(np.int8), found.pop("shape").astype(np.int64)
+    return AnalyticPrimitives(kind, shape, **found)

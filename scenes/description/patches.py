@@ -22,33 +22,32 @@ TRIANGLE_LIMIT = 2**24  # a few GB
 
 def curved(vertices: Array, faces: Faces) -> NDArray[np.bool_]:
     """(q,) bool: the patches that are not planar. vertices: (m, 3), faces: (q, 4) as p00 p10 p01 p11."""
-    p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
+    corners = vertices[faces]
+    p00, p10, p01, p11 = _each(corners)
     diagonals = cross_product(p11 - p00, p01 - p10)  # twice the area, whatever the shape
-    length = np.linalg.norm(diagonals, axis=1)
+    length = _lengths(diagonals)
     normal = diagonals / np.where(length > 0, length, 1.0)[:, None]
-    rounding = 4 * np.finfo(np.float32).eps * np.abs(vertices[faces]).max(axis=(1, 2))
-    off = np.abs(np.sum((p10 - p00) * normal, axis=1))  # how far the two diagonals pass each other by
-    return np.asarray(off > PLANE_TOLERANCE * _diameter(vertices[faces]) + rounding)
+    rounding = 4 * np.finfo(np.float32).eps * np.abs(corners).max(axis=(1, 2))
+    off = np.abs(np.einsum("qc,qc->q", p10 - p00, normal))  # how far the two diagonals pass each other by
+    return np.asarray(off > PLANE_TOLERANCE * _diameter(corners) + rounding)
 
 
 def patch_problem(vertices: Array, faces: Faces) -> str | None:
     """The reason why planar patches are no convex quadrilaterals with an area, or None. Arguments as of
     `curved`.
     """
-    p00, p10, p01, p11 = np.moveaxis(vertices[faces], 1, 0)
+    corners = vertices[faces]
+    p00, p10, p01, p11 = _each(corners)
     diagonals = cross_product(p11 - p00, p01 - p10)
-    length = np.linalg.norm(diagonals, axis=1)
+    length = _lengths(diagonals)
     if not np.all(length > 0):
         return (
             f"patch {int(np.argmin(length))} has no area, or its corners are not in the order p00 p10 p01 p11"
         )
-    normal = diagonals / length[:, None]
-    ring = (p00, p10, p11, p01)
-    turns = [
-        np.sum(cross_product(ring[i] - ring[i - 1], ring[(i + 1) % 4] - ring[i]) * normal, axis=1)
-        for i in range(4)
-    ]
-    bad = np.min(turns, axis=0, initial=np.inf) < -PLANE_TOLERANCE * _diameter(vertices[faces]) ** 2
+    edges = np.stack([p10 - p00, p11 - p10, p01 - p11, p00 - p01])  # round the patch, each from its corner
+    turns = cross_product(edges[[3, 0, 1, 2]].reshape(-1, 3), edges.reshape(-1, 3)).reshape(edges.shape)
+    least = np.einsum("kqc,qc->kq", turns, diagonals / length[:, None]).min(axis=0, initial=np.inf)
+    bad = least < -PLANE_TOLERANCE * _diameter(corners) ** 2
     if bad.any():
         return (
             f"patch {int(np.argmax(bad))} is not convex: its corners must be given in the order p00 "
@@ -95,14 +94,22 @@ def refined(
     )
 
 
+def _each(corners: Array) -> tuple[Array, Array, Array, Array]:
+    return corners[:, 0], corners[:, 1], corners[:, 2], corners[:, 3]
+
+
+def _lengths(v: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("qc,qc->q", v, v)))
+
+
 def _diameter(corners: Array) -> Array:
-    p00, p10, p01, p11 = np.moveaxis(corners, 1, 0)
-    return np.maximum(np.linalg.norm(p11 - p00, axis=1), np.linalg.norm(p01 - p10, axis=1))
+    p00, p10, p01, p11 = _each(corners)
+    return np.maximum(_lengths(p11 - p00), _lengths(p01 - p10))
 
 
 def _own_normals(corners: Array) -> Array:
     """(q, 4, 3) dp/du x dp/dv at the corners, which is bilinear in between too."""
-    p00, p10, p01, p11 = np.moveaxis(corners, 1, 0)
+    p00, p10, p01, p11 = _each(corners)
     along = np.stack([p10 - p00, p10 - p00, p11 - p01, p11 - p01], axis=1)
     across = np.stack([p01 - p00, p11 - p10, p01 - p00, p11 - p10], axis=1)
     return np.asarray(np.cross(along, across), dtype=np.float64)

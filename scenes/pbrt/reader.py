@@ -129,7 +129,7 @@ class Reader:
         name = token.text
         if name in ARGUMENTS:
             numbers = self._syntax.numbers(token, ARGUMENTS[name])
-            self._transform(lambda one: apply_directive(name, numbers, one, token.where))
+            self._transform(lambda one: apply_directive(name, numbers, one, lambda: token.where))
         elif name in self._words:
             self._words[name](token)
         elif name in OPTIONS:
@@ -157,7 +157,7 @@ class Reader:
             end = start
         else:
             end = change(state.end) if state.active != "StartTime" else state.end
-        self.builder.state = replace(state, transform=start, end=end)
+        self.builder.state = state.under(start, end)
 
     def _parametrised(self, token: Token) -> None:
         if token.text in WORLD:

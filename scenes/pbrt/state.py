@@ -137,6 +137,12 @@ class GraphicsState:
     space: str = SRGB
     attributes: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict[str, tuple[Parameter, ...]])
 
+    def under(self, transform: Transform, end: Transform) -> GraphicsState:
+        """The state under other transformations, which most directives change; `replace` is slow."""
+        s = self
+        rest = (s.active, s.reverse, s.material, s.light, s.media, s.space, s.attributes)
+        return GraphicsState(transform, end, *rest)
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedShape:

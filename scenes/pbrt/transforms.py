@@ -22,6 +22,7 @@ FLAT = "the transformation flattens space: it has no inverse"
 REMEMBERED = 4096  # matrices whose properties are kept
 FEW = 64  # points, below which calls cost more than what they do
 IDENTITY = np.eye(4)
+STILL = np.eye(3).tobytes()
 ROUNDING = 1e-14  # what is orthogonal up to this is inverted by transposition, exactly
 
 
@@ -62,19 +63,17 @@ class Transform:
     @property
     def flattens(self) -> bool:
         """Whether there is no inverse."""
-        return bool(np.isnan(self.inverse[0, 0]))
+        return math.isnan(self.inverse.item(0))
 
     @property
     def only_moves(self) -> bool:
         """Whether it is exactly a translation, its inverse too."""
-        return bool((self.matrix[:3, :3] == IDENTITY[:3, :3]).all()) and bool(
-            (self.inverse[:3, :3] == IDENTITY[:3, :3]).all()
-        )
+        return self.matrix[:3, :3].tobytes() == self.inverse[:3, :3].tobytes() == STILL
 
     @property
     def projects(self) -> bool:
         """Whether the map is not affine, so that it cannot place points."""
-        return bool(np.any(self.matrix[3, :3]))
+        return self.matrix[3].tolist()[:3] != [0.0, 0.0, 0.0]
 
     @property
     def swaps_handedness(self) -> bool:
@@ -245,20 +244,26 @@ _MAKERS: dict[str, tuple[int, Callable[..., Transform]]] = {
 ARGUMENTS = {name: count for name, (count, _) in _MAKERS.items()}
 
 
-def apply_directive(name: str, values: Sequence[float], current: Transform, where: Location) -> Transform:
-    """The current transformation after directive `name` with its numbers. SceneError for one that is not
-    invertible.
+def in_range(numbers: Array) -> bool:
+    """Whether all of them are within COORDINATE_LIMIT; NaN is not."""
+    if numbers.size <= FEW:
+        return all(-COORDINATE_LIMIT <= x <= COORDINATE_LIMIT for x in numbers.ravel().tolist())
+    return bool(np.abs(numbers).max() <= COORDINATE_LIMIT)
+
+
+def apply_directive(
+    name: str, values: Sequence[float], current: Transform, where: Callable[[], Location]
+) -> Transform:
+    """The current transformation after directive `name` with its numbers, made without warnings of overflow.
+    SceneError at `where()` for one that is not invertible.
     """
-    with np.errstate(all="ignore"):
-        try:
-            made = _MAKERS[name][1](*values)
-        except ValueError as error:
-            raise SceneError(f"{name}: {error}", where) from None
-        result = made if name in ("Identity", "Transform") else current @ made
-        for matrix in (result.matrix,) if result.flattens else (result.matrix, result.inverse):
-            if not np.abs(matrix).max() <= COORDINATE_LIMIT:  # NaN is none
-                raise SceneError(
-                    f"{name}: it, or its inverse, is beyond {COORDINATE_LIMIT:g}, the range of coordinates",
-                    where,
-                )
+    try:
+        made = _MAKERS[name][1](*values)
+    except ValueError as error:
+        raise SceneError(f"{name}: {error}", where()) from None
+    result = made if name in ("Identity", "Transform") else current @ made
+    for matrix in (result.matrix,) if result.flattens else (result.matrix, result.inverse):
+        if not in_range(matrix):
+            message = f"{name}: it, or its inverse, is beyond {COORDINATE_LIMIT:g}, the range of coordinates"
+            raise SceneError(message, where())
     return result

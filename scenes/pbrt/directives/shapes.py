@@ -37,7 +37,15 @@ from scenes.pbrt.directives.textures import named_texture
 from scenes.pbrt.state import Alpha, AreaLight, Builder, MediumUse, NamedNumbers, PlacedShape, check_room
 from scenes.pbrt.text.mesh_runs import MeshRun
 from scenes.pbrt.text.parameters import Parameters
-from scenes.pbrt.transforms import COORDINATE_LIMIT, FLAT, Transform, orthonormal, uniform_scale, unit
+from scenes.pbrt.transforms import (
+    COORDINATE_LIMIT,
+    FLAT,
+    Transform,
+    in_range,
+    orthonormal,
+    uniform_scale,
+    unit,
+)
 from scenes.pbrt.write.text import block, matrix, numbers, rotation
 
 AS_IT_IS = np.eye(4)[:3]  # the matrix of what is not yet placed
@@ -150,7 +158,7 @@ def range_problem(geometry: Geometry) -> str | None:
     """The reason why a shape is too large or too small to compute with, or None."""
     if not isinstance(geometry, Mesh) and not geometry.radius >= 1 / COORDINATE_LIMIT:
         return f"the radius is too small to compute with: {geometry.radius:g}"
-    if not np.abs(geometry.corners).max(initial=0.0) <= COORDINATE_LIMIT:  # NaN is none
+    if not in_range(geometry.corners):
         return f"the shape reaches beyond {COORDINATE_LIMIT:g}, the largest coordinate"
     return None
 

@@ -47,11 +47,11 @@ class Syntax:
             if opening.kind != "[":
                 raise SceneError(f"{owner} needs its numbers in brackets", opening.where)
             values = self._bracketed(opening)
-        else:
-            values = Values([self.tokens.required(owner, f"{count} numbers") for _ in range(count)])
-        if len(values) != count:
-            raise SceneError(f"{owner} takes {count} numbers, not {len(values)}", owner.where)
-        return values.array(self._bindings.number).tolist()
+            if len(values) != count:
+                raise SceneError(f"{owner} takes {count} numbers, not {len(values)}", owner.where)
+            return values.array(self._bindings.number).tolist()
+        tokens = [self.tokens.required(owner, f"{count} numbers") for _ in range(count)]
+        return [float(self._bindings.number(token)) for token in tokens]
 
     def parameters(self, owner: Token, defaults: Sequence[Parameter] = ()) -> Parameters:
         """The parameter list of a directive. defaults: parameters that `Attribute` gave for it."""

@@ -21,7 +21,8 @@ def rectangle(shape, corners, reverse):
     return primitives_of(BilinearMesh(corners, np.arange(4)[None], reverse), shape)[0]
 
 
-UNIT = sphere(0, np.zeros(3), 1.0, False)
+BALL = sphere(0, np.zeros(3), 1.0, False)
+UNIT = join([BALL])
 ALL = np.arange(1)
 
 
@@ -81,7 +82,7 @@ def test_a_sphere_never_shades_what_leaves_it_outwards():
     d /= np.linalg.norm(d, axis=0)
     d = np.where((n * d).sum(axis=0) < 0, -d, d)
     for radius in (1e-6, 1.0, 1e6):
-        q = sphere(0, np.array([1e3, 0, 0]), radius, False)
+        q = join([sphere(0, np.array([1e3, 0, 0]), radius, False)])
         p = n * radius + np.array([[1e3], [0], [0]])
         near, far = np.zeros(2000), np.full(2000, 1e9)
         assert not q.occluded(ALL, p, d, near, far, np.zeros(2000, dtype=np.int64), none(2000)).any()
@@ -105,7 +106,7 @@ def test_no_primitives_are_no_trouble():
 
 
 def test_points_are_moved_onto_their_quadric():
-    q = join([UNIT, disk(1, np.zeros(3), np.array([0.0, 1, 0]), 2.0)])
+    q = join([BALL, disk(1, np.zeros(3), np.array([0.0, 1, 0]), 2.0)])
     p, n = q.surface(np.array([0, 1]), np.array([[1.001, 0, 0], [0.5, 1e-3, 0.5]]).T)
     np.testing.assert_allclose(p.T, [[1, 0, 0], [0.5, 0, 0.5]], atol=1e-16)
     np.testing.assert_allclose(n.T, [[1, 0, 0], [0, 1, 0]], atol=1e-16)
