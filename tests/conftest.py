@@ -23,6 +23,9 @@ from pathlib import Path
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # the workers share the cores, so that each multiplies on one
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.pop(
+        "COLUMNS", None
+    )  # xdist says 80, for a terminal that no worker has: tables would break names
 
 import pytest
 

@@ -74,8 +74,7 @@ def test_help_waits_for_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize("kind", ["scenes", "estimators", "samplers", "metrics", "backends", "sweeps"])
-def test_lists_name_what_there_is(penumbra: Penumbra, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "160")  # xdist's workers say 80, in which a long name is broken
+def test_lists_name_what_there_is(penumbra: Penumbra, kind: str) -> None:
     rows = answer(penumbra, "list", kind)
     code, table, _ = penumbra("list", kind)
     assert code == 0
