@@ -12,16 +12,8 @@ from typing import Any, cast
 
 from rich.console import Console as RichConsole
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.progress import (
-    Progress as ProgressBar,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
 from pipeline.console.command import PIPE_CLOSED
@@ -45,14 +37,8 @@ class Console:
     @contextmanager
     def step(self, title: str, total: Amount) -> Generator[Update]:
         """A progress bar on stderr, see `Progress.step`."""
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        bar = ProgressBar(*columns, console=self._err, disable=self.quiet)
+        columns = BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+        bar = ProgressBar(TextColumn("{task.description}"), *columns, console=self._err, disable=self.quiet)
         task = bar.add_task(escape(title), total=total)
 
         def update(done: Amount) -> None:

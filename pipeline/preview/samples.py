@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,16 +61,10 @@ def try_pixel(
     if not (0 <= x < camera.width and 0 <= y < camera.height):
         raise PenumbraError(f"pixel {x},{y} is not in the image of {camera.width} x {camera.height} pixels")
     one = replace(camera, corner=camera.corner + camera.du * x + camera.dv * y, width=1, height=1)
-    recorder = _Recorder(ESTIMATORS[estimator])
-    render(
-        replace(scene, camera=one),
-        estimator=recorder.probe(),
-        sampler=sampler,
-        spp=spp,
-        seed=seed,
-        prune=False,
-    )
-    words = WORDS if recorder.inner.quantity == "radiance" else OPEN_WORDS
+    recorder = _recorder(ESTIMATORS[estimator])
+    alone = replace(scene, camera=one)
+    render(alone, estimator=recorder, sampler=sampler, spp=spp, seed=seed, prune=False)
+    words = WORDS if recorder.quantity == "radiance" else OPEN_WORDS
     parts = [_drawn(scene, *told, reach) for told in recorder.told]
     none = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))
     start, end, state, far = (np.concatenate(columns) for columns in zip(none, *parts, strict=True))
@@ -82,33 +75,11 @@ Told = tuple[SurfaceHit, Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
-class _Recorder:
-    """Records all that a wrapped estimator samples."""
+class _Recorder(Estimator):
+    """An estimator that records all that the inner one samples."""
 
     inner: Estimator
-    told: list[Told] = field(default_factory=list[Told])
-
-    def witness(
-        self, hit: SurfaceHit, wi: Floats, dist: Floats, useful: NDArray[np.bool_], hidden: NDArray[np.bool_]
-    ) -> None:
-        self.told.append((hit, wi, dist, useful, hidden))
-
-    def probe(self) -> Estimator:
-        """The estimator under its own name, with this recorder as its witness."""
-
-        def estimate(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-            return self.inner.estimate(scene, replace(plan, witness=self.witness), hit, u)
-
-        inner = self.inner
-        return _Watched(inner.name, inner.title, inner, estimate, quantity=inner.quantity, ratio=inner.ratio)
-
-
-@dataclass(frozen=True, eq=False)
-class _Watched(Estimator):
-    """The inner estimator with another `estimate`."""
-
-    inner: Estimator
-    watched: Callable[[RenderScene, RenderPlan, SurfaceHit, Floats], Reflected]
+    told: list[Told]
 
     def refuses(self, scene: SceneDescription) -> str | None:
         return self.inner.refuses(scene)
@@ -117,7 +88,16 @@ class _Watched(Estimator):
         return self.inner.dimensions(scene)
 
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        return self.watched(scene, plan, hit, u)
+        return self.inner.estimate(scene, replace(plan, witness=self._witness), hit, u)
+
+    def _witness(
+        self, hit: SurfaceHit, wi: Floats, dist: Floats, useful: NDArray[np.bool_], hidden: NDArray[np.bool_]
+    ) -> None:
+        self.told.append((hit, wi, dist, useful, hidden))
+
+
+def _recorder(inner: Estimator) -> _Recorder:
+    return _Recorder(inner.name, inner.title, inner, [], quantity=inner.quantity, ratio=inner.ratio)
 
 
 def _drawn(

@@ -102,24 +102,20 @@ def _record(job: Job, scene: PreparedScene, result: RenderResult) -> Record:
         scene_hash=scene.hash,
         width=width,
         height=height,
-        seconds=_seconds(scene, result),
+        seconds=Seconds(
+            load=scene.seconds_load,
+            build=scene.built.seconds_build,
+            plan=result.seconds.plan,
+            render=result.seconds.render,
+            cpu=result.seconds.cpu,
+        ),
         rays=RayCounts(primary=result.rays.primary, shadow=result.rays.shadow),
         statistics=statistics(result),
-        plan=_decisions(result),
+        plan=[PlanDecision(effect=d.effect, needed=d.needed, reason=d.reason) for d in result.plan.decisions],
         notes=list(scene.built.description.notes),
         substitutions=list(scene.built.description.substitutions),
         image=f"cells/{key}/image.exr",
         provenance=provenance(),
-    )
-
-
-def _seconds(scene: PreparedScene, result: RenderResult) -> Seconds:
-    return Seconds(
-        load=scene.seconds_load,
-        build=scene.built.seconds_build,
-        plan=result.seconds.plan,
-        render=result.seconds.render,
-        cpu=result.seconds.cpu,
     )
 
 
@@ -136,8 +132,3 @@ def statistics(result: RenderResult) -> SampleStatistics:
         nonfinite=result.nonfinite,
         maximum=film.maximum,
     )
-
-
-def _decisions(result: RenderResult) -> list[PlanDecision]:
-    """The plan of a render, for its record."""
-    return [PlanDecision(effect=d.effect, needed=d.needed, reason=d.reason) for d in result.plan.decisions]

@@ -183,14 +183,11 @@ def _finished(store: Store, entry: CellEntry) -> FinishedCell | None:
         record = store.read_cell(entry.key, verify=False)
     except DamagedEntryError:
         return None
-    return FinishedCell(entry, record, _card(store, entry)) if record is not None else None
-
-
-def _card(store: Store, entry: CellEntry) -> ScoreCard | None:
     try:
-        return store.read_score(entry.score, verify=False)
+        card = store.read_score(entry.score, verify=False)
     except DamagedEntryError:
-        return None
+        card = None
+    return FinishedCell(entry, record, card) if record is not None else None
 
 
 def _json(model: BaseModel) -> bytes:

@@ -84,10 +84,8 @@ class MitsubaBackend:
         continuation: Continuation | None = None,
     ) -> ReferenceImage:
         require(self, scene, request.quantity)
-        converted, variant = (
-            mitsuba_scene.convert(_what_to_render(scene, request.quantity)),
-            working_variant(),
-        )
+        converted = mitsuba_scene.convert(_what_to_render(scene, request.quantity))
+        variant = working_variant()
 
         def draw(wanted: Batches) -> Generator[Image]:
             seeds = seeds_for(request.seed, scene.film, variant, wanted.first, wanted.count)

@@ -21,7 +21,7 @@ from scenes.description.materials import Diffuse
 from scenes.description.scene import Camera, SceneDescription
 from scenes.description.scene import Film as FilmDescription
 from scenes.description.shapes import Mesh, ShapeDescription
-from scenes.errors import SceneError
+from scenes.errors import Location, SceneError
 
 NEAR = 0.02  # least distance of the light from the sheet, of its extent: a cell's rule resolves no less
 
@@ -44,6 +44,10 @@ class EdgeScene:
     blocked: Array
 
 
+def _needs(what: str, where: Location | None = None) -> SceneError:
+    return SceneError(f"the closed form of an edge needs {what}", where)
+
+
 def analyse_edge(scene: SceneDescription) -> EdgeScene:
     """The parts of a scene with a straight edge; SceneError with the reason in one sentence if it has
     none.
@@ -51,12 +55,10 @@ def analyse_edge(scene: SceneDescription) -> EdgeScene:
     emitting = [shape for shape in scene.shapes if shape.emission]
     others = [shape for shape in scene.shapes if not shape.emission]
     if len(emitting) != 1 or scene.lights or len(others) != 2:
-        raise SceneError(
-            "the closed form of an edge needs one area light, one floor and one sheet, and nothing else"
-        )
+        raise _needs("one area light, one floor and one sheet, and nothing else")
     pixel = scene.film.pixel_filter
     if (pixel.kind, pixel.xradius, pixel.yradius) != ("box", 0.5, 0.5):
-        raise SceneError("the closed form of an edge needs the box filter of one pixel")
+        raise _needs("the box filter of one pixel")
     light, radiance = _light(emitting[0])
     floor, sheet, normal = _in_order(others, light)
     floor_plane, sheet_plane = (Plane(part.patch.outline[0], normal) for part in (floor, sheet))
@@ -69,19 +71,17 @@ def analyse_edge(scene: SceneDescription) -> EdgeScene:
 def _light(shape: ShapeDescription) -> tuple[Patch, Array]:
     emission = shape.emission
     if emission is None or emission.two_sided or emission.image is not None:
-        raise SceneError("the closed form of an edge needs a one-sided light of one radiance", shape.where)
+        raise _needs("a one-sided light of one radiance", shape.where)
     if not isinstance(shape.geometry, Mesh):
-        raise SceneError("the closed form of an edge needs a flat light of straight sides", shape.where)
+        raise _needs("a flat light of straight sides", shape.where)
     return outline(shape.geometry, shape, oriented=True), emission.radiance
 
 
 def _receiver(shape: ShapeDescription) -> Receiver:
     if not isinstance(shape.geometry, Mesh):
-        raise SceneError("the closed form of an edge needs a flat floor and a flat sheet", shape.where)
+        raise _needs("a flat floor and a flat sheet", shape.where)
     if not isinstance(shape.material, Diffuse) or not isinstance(shape.material.reflectance, np.ndarray):
-        raise SceneError(
-            "the closed form of an edge needs surfaces of one diffuse reflectance each", shape.where
-        )
+        raise _needs("surfaces of one diffuse reflectance each", shape.where)
     return Receiver(outline(shape.geometry, shape, oriented=False), shape.material.reflectance)
 
 
@@ -89,7 +89,7 @@ def _in_order(shapes: list[ShapeDescription], light: Patch) -> tuple[Receiver, R
     """Floor, sheet, and their common normal towards the light."""
     one, two = (_receiver(shape) for shape in shapes)
     if np.linalg.norm(np.cross(one.patch.normal, two.patch.normal)) > FLAT:
-        raise SceneError("the closed form of an edge needs floor and sheet to be parallel", shapes[1].where)
+        raise _needs("floor and sheet to be parallel", shapes[1].where)
     middle = light.outline.mean(axis=0)
     heights = [float((middle - part.patch.outline[0]) @ one.patch.normal) for part in (one, two)]
     normal = one.patch.normal * np.copysign(1.0, heights[0])
@@ -100,13 +100,11 @@ def _in_order(shapes: list[ShapeDescription], light: Patch) -> tuple[Receiver, R
 def _require_clear_order(light: Patch, floor: Plane, sheet: Plane, camera: Camera) -> None:
     extent = float(np.ptp(light.outline, axis=0).max())
     if not float(floor.height(sheet.point)) > 0:
-        raise SceneError("the closed form of an edge needs the sheet between floor and light")
+        raise _needs("the sheet between floor and light")
     if float(sheet.height(light.outline).min()) < NEAR * extent:
-        raise SceneError(
-            f"the closed form of an edge needs a light {NEAR:g} of its extent or more above the sheet"
-        )
+        raise _needs(f"a light {NEAR:g} of its extent or more above the sheet")
     if not float(sheet.height(np.array(camera.camera_to_world[:3, 3]))) > 0:
-        raise SceneError("the closed form of an edge needs a camera on the light's side of the sheet")
+        raise _needs("a camera on the light's side of the sheet")
 
 
 def _require_light_out_of_view(light: Patch, camera: Camera, film: FilmDescription) -> None:
@@ -115,7 +113,7 @@ def _require_light_out_of_view(light: Patch, camera: Camera, film: FilmDescripti
     x, y, z = plane.to_camera @ (light.outline - plane.eye).T
     sides = (z, x - plane.x[0] * z, plane.x[-1] * z - x, y - plane.y[-1] * z, plane.y[0] * z - y)
     if not any(bool(np.all(side < 0)) for side in sides):
-        raise SceneError("the closed form of an edge needs the light to be out of the camera's view")
+        raise _needs("the light to be out of the camera's view")
 
 
 def _edge(light: Patch, floor: Receiver, sheet: Receiver, low: Plane, high: Plane) -> tuple[Array, Array]:
@@ -132,9 +130,6 @@ def _edge(light: Patch, floor: Receiver, sheet: Receiver, low: Plane, high: Plan
     depth = np.einsum("ek,nek->en", inward, crossing[:, None] - starts)
     open_edges = np.flatnonzero(depth.min(axis=1) <= 0)
     if open_edges.size != 1:
-        raise SceneError(
-            "the closed form of an edge needs one edge of the sheet before the light, and "
-            f"{open_edges.size} may be there"
-        )
+        raise _needs(f"one edge of the sheet before the light, and {open_edges.size} may be there")
     i = int(open_edges[0])
     return np.stack([starts[i], starts[i] + along[i]]), inward[i]

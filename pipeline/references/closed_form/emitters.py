@@ -11,7 +11,7 @@ from functools import singledispatch
 import numpy as np
 
 from pipeline.references.closed_form.cone import Cone, disk_cone, sphere_cone
-from pipeline.references.closed_form.patches import Patch, Plane, outline
+from pipeline.references.closed_form.patches import Patch, Plane, needs, outline
 from pipeline.references.closed_form.radiometry import disk_irradiance, polygon_irradiance, sphere_irradiance
 from scenes.arrays import Array
 from scenes.description.lights import Light, PointLight
@@ -39,7 +39,7 @@ def _area_emitter(geometry: Geometry, shape: ShapeDescription) -> Patch | Disk |
 @_area_emitter.register
 def _(geometry: Sphere, shape: ShapeDescription) -> Sphere:
     if geometry.reverse or (shape.emission and shape.emission.two_sided):
-        raise SceneError("the closed form needs a sphere light to emit outwards only", shape.where)
+        raise needs("a sphere light to emit outwards only", shape.where)
     return geometry
 
 

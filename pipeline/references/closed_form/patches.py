@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from scenes.arrays import Array
 from scenes.description.shapes import BilinearMesh, ShapeDescription, TriangleMesh
-from scenes.errors import SceneError
+from scenes.errors import Location, SceneError
 
 FLAT = 1e-9  # out-of-plane error allowed, of a shape's extent: far above rounding, invisible in any picture
+
+
+def needs(what: str, where: Location | None = None) -> SceneError:
+    """The refusal of a scene without `what`, for the caller to raise."""
+    return SceneError(f"the closed form needs {what}", where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +52,7 @@ def outline(mesh: TriangleMesh | BilinearMesh, shape: ShapeDescription, *, orien
     faces must already turn the same way, as a light's do; else they are turned.
     """
     if shape.alpha is not None or shape.has_relief:
-        raise SceneError("the closed form needs shapes without an alpha, a normal map or bumps", shape.where)
+        raise needs("shapes without an alpha, a normal map or bumps", shape.where)
     faces = _corners(mesh)
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = index.reshape(-1)[faces]
@@ -56,7 +61,7 @@ def outline(mesh: TriangleMesh | BilinearMesh, shape: ShapeDescription, *, orien
     size = float(np.ptp(p.reshape(-1, 3), axis=0).max())
     normal = areas[np.argmax((areas**2).sum(axis=1))]
     if not float(np.linalg.norm(normal)) > (FLAT * size) ** 2:
-        raise SceneError("the closed form needs faces with an area", shape.where)
+        raise needs("faces with an area", shape.where)
     normal = normal / np.linalg.norm(normal)
     if not oriented:
         normal = normal * np.copysign(1.0, normal[np.argmax(np.abs(normal))])
@@ -74,11 +79,11 @@ def _corners(mesh: TriangleMesh | BilinearMesh) -> NDArray[np.int64]:
 def _require_flat(p: Array, normal: Array, size: float, shape: ShapeDescription) -> None:
     """Raise SceneError unless the faces p (f, c, 3) are in one plane, convex, and turn about `normal`."""
     if float(np.ptp(p @ normal)) > FLAT * size:
-        raise SceneError("the closed form needs every shape to be flat, and this one is not", shape.where)
+        raise needs("every shape to be flat, and this one is not", shape.where)
     edges = np.roll(p, -1, axis=1) - p
     turns = np.cross(edges, np.roll(edges, -1, axis=1)) @ normal
     if np.any(turns <= 0):
-        raise SceneError("the closed form needs convex faces that all turn the same way", shape.where)
+        raise needs("convex faces that all turn the same way", shape.where)
 
 
 def _boundary(faces: NDArray[np.int64], shape: ShapeDescription) -> list[int]:
@@ -92,9 +97,7 @@ def _boundary(faces: NDArray[np.int64], shape: ShapeDescription) -> list[int]:
     while loop and following[loop[-1]] != loop[0] and len(loop) <= len(following):
         loop.append(following[loop[-1]])
     if np.unique(code).size != code.size or len(loop) != int(outer.sum()):
-        raise SceneError(
-            "the closed form needs faces that form one patch without holes or overlaps", shape.where
-        )
+        raise needs("faces that form one patch without holes or overlaps", shape.where)
     return loop
 
 
@@ -105,5 +108,5 @@ def _convex_loop(vertices: Array, loop: list[int], normal: Array, shape: ShapeDe
     following = np.roll(edges, -1, axis=0)
     turn = np.arctan2(np.cross(edges, following) @ normal, (edges * following).sum(axis=1))
     if np.any(turn < -FLAT) or abs(turn.sum() - 2 * np.pi) > 1e-6:
-        raise SceneError("the closed form needs a convex outline", shape.where)
+        raise needs("a convex outline", shape.where)
     return np.roll(p, -1, axis=0)[turn > FLAT]

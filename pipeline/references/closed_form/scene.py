@@ -18,14 +18,13 @@ from pipeline.references.closed_form.emitters import (
     outline_is_seen,
     point_emitter,
 )
-from pipeline.references.closed_form.patches import FLAT, Patch, Plane, area, outline
+from pipeline.references.closed_form.patches import FLAT, Patch, Plane, area, needs, outline
 from pipeline.references.closed_form.radiometry import clip_polygon_by_plane
 from scenes.arrays import Array
 from scenes.description.lights import Light
 from scenes.description.materials import Diffuse
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Mesh, ShapeDescription
-from scenes.errors import SceneError
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +56,17 @@ def analyse(scene: SceneDescription) -> ClosedFormScene:
     lights = [shape for shape in scene.shapes if shape.emission]
     count = len(lights) + len(scene.lights)
     if count != 1:
-        raise SceneError(f"the closed form needs exactly one light, and this scene has {count}")
+        raise needs(f"exactly one light, and this scene has {count}")
     if not lights or lights[0].emission is None:
         return _under_point(scene, scene.lights[0])
     emission, light = lights[0].emission, area_emitter(lights[0])
     if emission.image is not None:
-        raise SceneError("the closed form needs a light of the same radiance all over", lights[0].where)
+        raise needs("a light of the same radiance all over", lights[0].where)
     receivers, plane, eye = ground(scene)
     if plane is not None:
         _require_same_side(light, plane, eye)
     if not outline_is_seen(light, scene.camera):
-        raise SceneError(
-            "the closed form needs a disk or sphere light wholly before or wholly behind the camera",
-            lights[0].where,
-        )
+        raise needs("a disk or sphere light wholly before or wholly behind the camera", lights[0].where)
     return ClosedFormScene(light, emission.radiance, emission.two_sided, receivers, plane, eye)
 
 
@@ -78,9 +74,7 @@ def _under_point(scene: SceneDescription, light: Light) -> ClosedFormScene:
     emitter = point_emitter(light)
     receivers, plane, eye = ground(scene)
     if plane is not None and plane.height(emitter.position) <= FLAT * float(np.abs(eye - plane.point).max()):
-        raise SceneError(
-            "the closed form needs light and camera on the same side of the receivers' plane", light.where
-        )
+        raise needs("light and camera on the same side of the receivers' plane", light.where)
     return ClosedFormScene(emitter, emitter.intensity, False, receivers, plane, eye)
 
 
@@ -91,7 +85,7 @@ def ground(scene: SceneDescription) -> tuple[tuple[Receiver, ...], Plane | None,
     """
     pixel = scene.film.pixel_filter
     if (pixel.kind, pixel.xradius, pixel.yradius) != ("box", 0.5, 0.5):
-        raise SceneError("the closed form needs the box filter of one pixel")
+        raise needs("the box filter of one pixel")
     receivers = tuple(_receiver(shape) for shape in scene.shapes if not shape.emission)
     eye = np.array(scene.camera.camera_to_world[:3, 3])
     plane = _common_plane(receivers, eye)
@@ -102,12 +96,9 @@ def ground(scene: SceneDescription) -> tuple[tuple[Receiver, ...], Plane | None,
 def _receiver(shape: ShapeDescription) -> Receiver:
     if not isinstance(shape.geometry, Mesh):
         kind = type(shape.geometry).__name__.lower()
-        raise SceneError(
-            f"the closed form needs flat receivers of triangles or patches, and there is a {kind}",
-            shape.where,
-        )
+        raise needs(f"flat receivers of triangles or patches, and there is a {kind}", shape.where)
     if not isinstance(shape.material, Diffuse) or not isinstance(shape.material.reflectance, np.ndarray):
-        raise SceneError("the closed form needs receivers of one diffuse reflectance each", shape.where)
+        raise needs("receivers of one diffuse reflectance each", shape.where)
     return Receiver(outline(shape.geometry, shape, oriented=False), shape.material.reflectance)
 
 
@@ -118,7 +109,7 @@ def _common_plane(receivers: tuple[Receiver, ...], eye: Array) -> Plane | None:
     corners = np.concatenate([receiver.patch.outline for receiver in receivers])
     extent = float(np.ptp(corners, axis=0).max())
     if np.abs((corners - first.outline[0]) @ first.normal).max() > FLAT * extent:
-        raise SceneError("the closed form needs all receivers in one plane: others could cast shadows")
+        raise needs("all receivers in one plane: others could cast shadows")
     up = first.normal if (eye - first.outline[0]) @ first.normal >= 0 else -first.normal
     return Plane(first.outline[0], up)
 
@@ -133,10 +124,10 @@ def _require_apart(receivers: tuple[Receiver, ...]) -> None:
                 inward = np.cross(b.normal, edge)
                 common = clip_polygon_by_plane(common, inward, inward @ corner)[0]
             if area(common[0]) > FLAT * min(area(a.outline), area(b.outline)):
-                raise SceneError("the closed form needs receivers that do not overlap")
+                raise needs("receivers that do not overlap")
 
 
 def _require_same_side(light: Emitter, plane: Plane, eye: Array) -> None:
     lowest, highest = (plane.height(farthest(light, sign * plane.normal)) for sign in (-1.0, 1.0))
     if lowest < -FLAT * max(highest - lowest, float(np.abs(eye - plane.point).max())):
-        raise SceneError("the closed form needs light and camera on the same side of the receivers' plane")
+        raise needs("light and camera on the same side of the receivers' plane")

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.references.closed_form.film import FilmPlane, areas, classify, clip_by_planes
 from pipeline.references.closed_form.image import PixelImage
-from pipeline.references.closed_form.patches import Plane
+from pipeline.references.closed_form.patches import Plane, needs
 from pipeline.references.closed_form.quadrature import sums
 from pipeline.references.closed_form.scene import Receiver, ground
 from scenes.arrays import Array
@@ -55,7 +55,7 @@ def uniform_scene(scene: SceneDescription) -> UniformScene:
 @singledispatch
 def _uniform(light: Light, plane: Plane | None) -> tuple[Array, Array]:
     """The light's irradiance (3,) on the plane and its radiance (3,) as a sky; SceneError if they vary."""
-    raise SceneError("the closed form needs a sky of one radiance all around", light.where)
+    raise needs("a sky of one radiance all around", light.where)
 
 
 @_uniform.register
@@ -66,7 +66,7 @@ def _(light: DistantLight, plane: Plane | None) -> tuple[Array, Array]:
 @_uniform.register
 def _(light: Environment, plane: Plane | None) -> tuple[Array, Array]:
     if light.image is not None or light.hemisphere:
-        raise SceneError("the closed form needs a sky of one radiance all around", light.where)
+        raise needs("a sky of one radiance all around", light.where)
     return np.pi * light.radiance, light.radiance
 
 

@@ -124,7 +124,8 @@ def _within(proxy: _Proxy, low: Array, high: Array) -> _Proxy:
 
 def _gap(a: _Proxy, b: _Proxy) -> float:
     """The least distance from the points of one to the surface of the other, both ways."""
-    distances = (_to_triangles(a.points, b.triangles), _to_triangles(b.points, a.triangles), _to_points(a, b))
+    between = np.linalg.norm(a.points[:, None] - b.points[None], axis=-1).ravel()
+    distances = (_to_triangles(a.points, b.triangles), _to_triangles(b.points, a.triangles), between)
     return float(min(np.min(np.abs(d - a.radius - b.radius), initial=np.inf) for d in distances))
 
 
@@ -132,7 +133,3 @@ def _to_triangles(points: Array, faces: Array) -> Array:
     """Distances (m * t,) of every point to every triangle."""
     p, f = np.repeat(points, len(faces), axis=0), np.tile(faces, (len(points), 1, 1))
     return np.linalg.norm(closest_point(f, p) - p, axis=1) if len(p) else np.zeros(0)
-
-
-def _to_points(a: _Proxy, b: _Proxy) -> Array:
-    return np.linalg.norm(a.points[:, None] - b.points[None], axis=-1).ravel()

@@ -246,8 +246,8 @@ def _product(a: ImageTexture, b: ImageTexture, where: Location | None) -> ImageT
     same = all(getattr(a.mapping, name) == getattr(b.mapping, name) for name in ("su", "sv", "du", "dv"))
     if not (same and a.wrap == b.wrap and a.filter == b.filter == "point"):
         raise SceneError(
-            "a product of two image textures can be given to Mitsuba only where both have one mapping, one wrap and the filter "  # noqa: E501
-            '"point"',
+            "a product of two image textures can be given to Mitsuba only where both have one mapping, one "
+            'wrap and the filter "point"',
             where,
         )
     h, w = (int(np.lcm(x, y)) for x, y in zip(a.image.shape[:2], b.image.shape[:2], strict=True))

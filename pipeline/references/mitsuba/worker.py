@@ -100,12 +100,8 @@ def main(folder: Path) -> None:
     register(mi, dr, task.scene.filter, task.scene.film)
     scene = _build(mi, task)
     print(LIFT, _lift(mi, scene, task.scene), flush=True)
-    _render(mi, scene, task, folder)
-
-
-def _render(mi: Any, scene: Any, task: Task, folder: Path) -> None:
     for number, seed in enumerate(task.seeds):
-        image = np.array(mi.render(scene, seed=seed, spp=task.spp), dtype=np.float32)
+        image = np.array(mi.render(scene, seed=seed, spp=task.spp), dtype=np.float32)  # pyright: ignore[reportArgumentType]
         np.save(batch_file(folder, number), image)
         print(BATCH, number, flush=True)
 

@@ -86,7 +86,10 @@ def _comment(text: str) -> str:
 
 def _moved(frame: Frame) -> str:
     center = ", ".join(repr(value) for value in frame.center.tolist())
-    return f"a point p of the scene is at {frame.scale!r} * (p - ({center})): Mitsuba computes in float32, best near the origin"  # noqa: E501
+    return (
+        f"a point p of the scene is at {frame.scale!r} * (p - ({center})): "
+        "Mitsuba computes in float32, best near the origin"
+    )
 
 
 def _filter(film: Film) -> tuple[list[str], list[str]]:
@@ -96,15 +99,19 @@ def _filter(film: Film) -> tuple[list[str], list[str]]:
         return ['<rfilter type="box"/>'], []
     if chosen.kind == "box" or chosen.xradius != chosen.yradius:
         raise PenumbraError(
-            f"Mitsuba has no {chosen.kind} filter of radii {chosen.xradius:g} and {chosen.yradius:g}: its box is one pixel wide, and its "  # noqa: E501
-            "others are round"
+            f"Mitsuba has no {chosen.kind} filter of radii {chosen.xradius:g} and {chosen.yradius:g}: "
+            "its box is one pixel wide, and its others are round"
         )
-    said = "Mitsuba splats samples into all pixels within the filter's radius, and divides by the sum of their weights; pbrt keeps each in its pixel"  # noqa: E501
+    said = (
+        "Mitsuba splats samples into all pixels within the filter's radius, and divides by the sum of their "
+        "weights; pbrt keeps each in its pixel"
+    )
     if chosen.kind == "triangle":
         return ['<rfilter type="tent">', *_indented(_value("radius", chosen.xradius)), "</rfilter>"], [said]
-    ends = f"its gaussian ends at four standard deviations, {4 * chosen.sigma:g} pixels, where the scene's ends at {chosen.xradius:g}"  # noqa: E501
-    return ['<rfilter type="gaussian">', *_indented(_value("stddev", chosen.sigma)), "</rfilter>"], [
-        f"{said}; {ends}"
+    lines = ['<rfilter type="gaussian">', *_indented(_value("stddev", chosen.sigma)), "</rfilter>"]
+    return lines, [
+        f"{said}; its gaussian ends at four standard deviations, {4 * chosen.sigma:g} pixels, "
+        f"where the scene's ends at {chosen.xradius:g}"
     ]
 
 
