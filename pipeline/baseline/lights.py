@@ -63,7 +63,7 @@ def encloses(shape: ShapeDescription) -> bool:
 
 @singledispatch
 def of_light(light: Light, view: View) -> SizelessLight:
-    """The light without size that stands for a light that is no shape."""
+    """The light without size in place of a light that is no shape."""
     raise TypeError(f"a {type(light).__name__} cannot be rasterised")
 
 

@@ -1,15 +1,14 @@
 # pyright: reportMissingTypeStubs=false, reportUnknownMemberType=false, reportUnknownVariableType=false
 # pyright: reportUnknownArgumentType=false, reportPrivateUsage=false, reportMissingImports=false
-"""Rasterises tasks with pyrender, in a process of its own: `python -m pipeline.baseline.worker FOLDER`.
+"""The worker that rasterises tasks with pyrender: `python -m pipeline.baseline.worker FOLDER`.
 
-The only import of pyrender and PyOpenGL: which library PyOpenGL loads is told by an environment variable at
-its import, and an OpenGL context belongs to a thread. FOLDER holds tasks.pickle and gets one file for each of
-them.
+The only import of pyrender and PyOpenGL, in a process of its own: an environment variable tells PyOpenGL at
+its import which library to load, and an OpenGL context belongs to a thread. FOLDER holds tasks.pickle and
+gets one file for each task.
 
-pyrender brings the scene to the graphics library, and draws it. Three things of its own are put aside,
-because they would be errors in the measurement: its shader (see shaders/mesh.frag); its framebuffer of 8 bits
-and four samples a pixel, in whose place come 32-bit floats, one sample at the middle of each pixel; and its
-limit of 4 lights of a kind.
+pyrender hands the scene to OpenGL and draws it. Three of its parts are replaced, since they would falsify the
+measurement: its shader (by shaders/mesh.frag), its framebuffer of 8 bits and four samples a pixel (by 32-bit
+floats, one sample in the middle of each pixel), and its limit of 4 lights of a kind.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def _warnings(image: Path, truth: Path) -> list[str]:
 
 
 def _estimate(path: Path) -> Estimate:
-    """The image under test with what its file says of its samples."""
+    """The image under test, with the statistics of its samples if its file has them."""
     import numpy as np
 
     from pipeline.scoring.metric import Estimate
@@ -136,7 +136,7 @@ def _estimate(path: Path) -> Estimate:
 
 
 def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
-    """The reference and, in words, what is known of its error."""
+    """The reference, and in words the origin of its variance."""
     import numpy as np
 
     from pipeline.scoring.metric import Reference
@@ -166,7 +166,7 @@ def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
 
 
 def _variance(path: Path, mean: Image) -> Image:
-    """The variance of the mean in a file of its own; PenumbraError where it is none for this image."""
+    """The variance of the mean, from a file of its own; PenumbraError if it does not fit the image."""
     from scenes.errors import PenumbraError
     from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
 

@@ -21,7 +21,7 @@ def report(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write the report of a run. It renders nothing; it says what is missing.
+    """Write the report of a run, finished or not. It renders nothing, and names the images that are missing.
 
     Examples:
 

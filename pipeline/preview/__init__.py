@@ -1,1 +1,1 @@
-"""A scene from outside, and what an estimator tries at one pixel."""
+"""Pictures of a scene from outside, with the samples of an estimator at one pixel."""

@@ -7,6 +7,6 @@ from pathlib import Path
 
 
 def default_cache() -> Path:
-    """PENUMBRA_CACHE, or penumbra/ in the user's cache folder (XDG_CACHE_HOME, ~/.cache)."""
+    """The folder of references: in PENUMBRA_CACHE, or in penumbra/ of the user's cache folder."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(os.environ.get("PENUMBRA_CACHE") or Path(base) / "penumbra") / "references"

@@ -129,7 +129,7 @@ def to_info(stored: StoredReference, run_folder: Path) -> ReferenceInfo:
 
 @contextmanager
 def _locked(root: Path, key: str) -> Generator[None]:
-    """Keep other processes from making the same reference; the lock ends with the process at the latest."""
+    """Keep other processes from making this reference, until this process ends at the latest."""
 
     def busy() -> None:
         log.warning("reference %s is being made by another process; waiting for it", key)

@@ -1,4 +1,4 @@
-"""From a sweep to its cells: scenes read, what does not apply left out, the rest in a fair order."""
+"""The grid of a sweep: its scenes are read, and its cells laid out without those that do not apply."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class SceneVariant:
 
     @property
     def scene(self) -> SceneDescription:
-        """The description."""
+        """The description of the scene."""
         return self.read.description
 
     @property
     def hash(self) -> str:
-        """The hash of its content."""
+        """The hash of the scene's content."""
         return self.read.hash
 
     def __str__(self) -> str:
@@ -64,8 +64,9 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class StudyPlan:
-    """The grid of one study, less what does not apply; `cells` in the order of the axes, seeds outermost,
-    then the baselines.
+    """The grid of one study without what does not apply.
+
+    cells: in the order of the axes, seeds outermost; the baselines are last.
     """
 
     study: Study
@@ -75,7 +76,7 @@ class StudyPlan:
 
     @property
     def request(self) -> ReferenceRequest:
-        """The request to the reference backend."""
+        """The request for the study's references."""
         reference, quantity = self.study.reference, quantity_of(self.study.axes.estimator, self.study.name)
         return ReferenceRequest(
             spp=reference.spp, batches=reference.batches, seed=reference.seed, quantity=quantity
@@ -83,10 +84,9 @@ class StudyPlan:
 
 
 def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
-    """Import the sweep's plug-ins, read its scenes and lay out its grids; PenumbraError where a name is
-    unknown, a scene cannot be read or nothing is left.
+    """Import the plug-ins of a sweep, read its scenes and lay out its grids. source: its name, for messages.
 
-    source: the sweep's name, for messages.
+    PenumbraError if a name is unknown, a scene cannot be read, or no cell is left.
     """
     for plugin in sweep.plugins:
         plugins.use(Path(plugin))
@@ -102,7 +102,7 @@ def lay_out(sweep: Sweep, source: str) -> list[StudyPlan]:
 
 
 def _unknown_names(sweep: Sweep) -> Iterator[str]:
-    """One line for each name that no registry knows, under the key path where it stands."""
+    """Yield a line for each name that no registry knows, with its key path."""
     for i, study in enumerate(sweep.study):
         for key, names, registry in (
             ("axes.estimator", study.axes.estimator, ESTIMATORS),
@@ -117,8 +117,9 @@ def _unknown_names(sweep: Sweep) -> Iterator[str]:
 
 
 def quantity_of(estimators: Sequence[str], study: str) -> Quantity:
-    """The quantity that all of them estimate; PenumbraError where it is not one thing, since one reference
-    serves a study.
+    """The quantity that all estimators of a study estimate.
+
+    PenumbraError if they differ, since one reference serves a study.
     """
     quantities = {name: ESTIMATORS[name].quantity for name in estimators}
     if len(set(quantities.values())) > 1:
@@ -145,7 +146,7 @@ def _plan(study: Study, path: str, read: Reader) -> StudyPlan:
 
 
 def describe(item: LeftOut) -> str:
-    """One line for a reader."""
+    """The left-out cells in one line."""
     return f"{item.what} left out for {item.scene}: {item.reason}"
 
 
@@ -168,7 +169,7 @@ def _variants(study: Study, path: str, read: Reader) -> Iterator[SceneVariant]:
 
 
 def _split(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[SceneVariant], list[LeftOut]]:
-    """The variants that the reference backend takes, and notes on those that it refuses."""
+    """The variants that the reference backend takes, and those that it refuses, as left out."""
     backend, quantity = BACKENDS[study.reference.backend], quantity_of(study.axes.estimator, study.name)
     refusals = [(variant, refusal(backend, variant.scene, quantity)) for variant in variants]
     kept = [variant for variant, reason in refusals if reason is None]
@@ -181,7 +182,7 @@ def _split(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[SceneVa
 
 
 def _applicable(study: Study, variants: Sequence[SceneVariant]) -> tuple[dict[str, set[str]], list[LeftOut]]:
-    """Variant, as text, to the estimators that apply to it, and notes on the others."""
+    """The estimators that apply to each variant, by its text, and the others as left out."""
     applicable: dict[str, set[str]] = {str(variant): set() for variant in variants}
     notes: list[LeftOut] = []
     for variant, estimator in itertools.product(variants, study.axes.estimator):
@@ -196,9 +197,7 @@ def _applicable(study: Study, variants: Sequence[SceneVariant]) -> tuple[dict[st
 
 
 def _baselines(study: Study, variants: Sequence[SceneVariant]) -> tuple[list[Cell], list[LeftOut]]:
-    """The rasterised picture of each variant, where the study asks for it, and notes on those that cannot be
-    had.
-    """
+    """The baseline of each variant, if the study asks for it, and those that are left out."""
     cells: list[Cell] = []
     notes: list[LeftOut] = []
     shading = quantity_of(study.axes.estimator, study.name) == "radiance"
@@ -239,10 +238,10 @@ def _jobs(study: Study, variants: Sequence[SceneVariant]) -> Iterator[tuple[Scen
 
 
 def fair_order(cells: Iterable[Cell]) -> list[Cell]:
-    """The order to render in: one round for each seed, shuffled within the round, each key once.
+    """Order cells for rendering: one round for each seed, shuffled within the round, each key once.
 
-    Randomised blocks: a machine that warms up or is shared for a while then slows all estimators alike, and
-    no estimator always falls to the same worker. The shuffle is a function of the cells alone.
+    Randomised blocks: a machine that is slow for a while then slows all estimators alike, and no estimator
+    always falls to one worker. The shuffle is a function of the cells alone.
     """
     rounds: dict[int, dict[str, Cell]] = {}
     seen: set[str] = set()

@@ -108,9 +108,10 @@ class Axes(_Strict):
 
 
 class Study(_Strict):
-    """One question put to some scenes. `over` is the axis that a plot of it runs along: `spp` or a parameter.
+    """One question put to some scenes.
 
-    baseline: what to put at the cheap end of a plot of error against time, see `pipeline.baseline`.
+    over: the axis of its plots, `spp` or a parameter. baseline: a rasterised picture, for the cheap end of a
+    plot of error against time.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -163,8 +164,9 @@ def builtin_sweeps() -> dict[str, Path]:
 
 
 def load_sweep(name_or_path: str) -> Sweep:
-    """The built-in sweep of that name, or the one in that TOML file; PenumbraError naming file, key path and
-    what is allowed.
+    """Load a built-in sweep by its name, or one from a TOML file.
+
+    PenumbraError names the file, the key path and the allowed values.
     """
     path = builtin_sweeps().get(name_or_path)
     if path is None:

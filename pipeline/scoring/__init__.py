@@ -1,1 +1,1 @@
-"""Scores of images, and what metrics share."""
+"""Scores of images, and the parts that metrics share."""

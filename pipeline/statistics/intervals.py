@@ -75,7 +75,7 @@ def replicate_interval(values: Array | Sequence[float]) -> Interval:
 
 
 def product(*factors: tuple[Interval, float]) -> Interval:
-    """The product of independent positive quantities, each to a power: (interval, power), ...
+    """The product of independent positive quantities to powers. factors: (interval, power) each.
 
     The distances of the ends are added in quadrature on the logarithmic scale, each side by itself, so that
     intervals may be skewed: the MOVER method [zou2008]. A factor's end at or below 0 gives an end at 0 or

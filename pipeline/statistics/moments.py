@@ -1,8 +1,8 @@
 """One side of a comparison of images: its mean and the error of that mean, per pixel and over regions.
 
 Two kinds of error are kept apart. A variance is that of independent noise: over a region of n pixels it falls
-as 1/n. A bound is what a quadrature or a float32 sum may be off by, of unknown sign and the same for
-neighbours as far as anybody knows: the bound of a region's mean is the mean of its pixels' bounds.
+as 1/n. A bound limits the error of a quadrature or of a float32 sum, whose sign is unknown and may be the
+same in all pixels: the bound of a region's mean is the mean of its pixels' bounds.
 """
 
 from __future__ import annotations

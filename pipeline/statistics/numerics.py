@@ -13,12 +13,12 @@ from scenes.arrays import Array
 
 
 def normal_cdf(x: Array) -> Array:
-    """P(N <= x), elementwise."""
+    """P(N <= x) for a standard normal N, elementwise."""
     return np.asarray(special.ndtr(x), dtype=np.float64)
 
 
 def normal_tail(level: float) -> float:
-    """The x with P(N > x) = level."""
+    """The x with P(N > x) = level for a standard normal N."""
     return float(stats.norm.isf(level))
 
 

@@ -1,4 +1,4 @@
-"""Do two noisy images show the same picture? Welch's t-test per pixel, per region and for the image mean.
+"""Welch's t-test of whether two noisy images show the same picture, by pixels, regions and the image mean.
 
 Each side brings its mean, the variance of that mean and the degrees of freedom behind the variance, so that a
 variance estimated from few batches widens the test instead of raising alarms: a normal test on 8 batches
@@ -9,27 +9,28 @@ correlated normal ones [sidak1967]; or, where many pixels may each be a little o
 Hochberg's [benjamini1995], whose test of the whole family is Simes's [simes1986]: nominal for independent
 comparisons, and for positively dependent ones at most that.
 
-Limits, and what is done about them. Means of rare events are not normal, and their estimated variance is
-least where the mean is low: a penumbra pixel with 64 samples and 1 % of shadow (or of light) often shows no
-event and no variance at all, and a plain test then rejects a true null with certainty. With K events expected
-to be L, a plain test at level a rejects K = 0 unless exp(-L) < a, that is below L = -ln(a), 14 events at the
-level of one of 57,600 comparisons, and its lower tail stays too heavy to some z^6/9 = 1,600 events, where the
-Edgeworth term z^3/(3 sqrt(L)) of the studentised mean [hall1992] falls below 1. So each side's variance is
-held up by what is known of it besides: the other side's variance at this side's number of samples (under the
-null both sample the same visibility), the mean over the 3 x 3 pixels around, and what this side's samples
-vary more than the other's over wider surroundings: a sampler that meets a light once in a hundred samples
-besides what all its samples see of it often misses in 3 x 3 pixels. That only ever lengthens the denominator:
-no alarm is added, and what it costs in power is in `smallest_detectable`, which is computed from the same
-denominators. The mean differences are untouched, so a bias is diluted nowhere. This holds nothing up against
-an exact image or without sample counts, nor where this side's samples vary far more than the other's
-(`ALIKE`): an estimator that meets a light once in a thousand samples has few events in every pixel, and the
-other side's variance says nothing of it. There, regions of few events are tested by how large the samples are
-instead (few_events.py), and so are all pixels if the other side is exact; otherwise the family of pixels is
-left out, and the regions remain.
+Rare events. Their means are not normal, and the estimated variance is smallest when the mean is low. A
+penumbra pixel with 64 samples and 1 % of shadow (or of light) often shows no event and no variance at all,
+and a plain test then rejects a true null with certainty. With K events expected to be L, a plain test at
+level a rejects K = 0 unless exp(-L) < a, that is below L = -ln(a): 14 events at the level of one of 57,600
+comparisons. Its lower tail stays too heavy up to some z^6/9 = 1,600 events, at which the Edgeworth term
+z^3/(3 sqrt(L)) of the studentised mean [hall1992] falls below 1.
 
-Pixels are taken to be independent, as with a box filter. The variance of quasi-random samples is not what the
-film's M2 says: bring replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a
-heavy tail: see heavy_tail.py.
+So each side's variance is raised to the largest of three estimates: the other side's variance at this side's
+number of samples, since under the null both sample the same visibility; the mean over the 3 x 3 pixels
+around; and, over wider surroundings, the excess of this side's variance over the other's, for samplers that
+meet a light once in a hundred samples. A larger denominator adds no alarm. Its cost in power is in
+`smallest_detectable`, which is computed from the same denominators. The mean differences are untouched, so
+that no bias is diluted.
+
+This needs sample counts, a noisy other side, and samples that vary alike (`ALIKE`): the other side's variance
+tells nothing of an estimator that meets a light once in a thousand samples. Else regions of few events are
+tested by the size of samples (few_events.py), and so are all pixels if the other side is exact. If it is not,
+the family of pixels is left out, and the regions remain.
+
+Pixels are taken to be independent, as with a box filter. The film's M2 is not the variance of quasi-random
+samples: pass replicate scrambles, 16 or more, through `batch_moments`. No test here helps against a heavy
+tail: see heavy_tail.py.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Results on disk: run folders, sealed entries, and the record of what made them."""
+"""Results on disk: run folders, sealed folders, and provenance."""

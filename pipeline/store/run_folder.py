@@ -157,7 +157,7 @@ class FinishedStudy:
 
 @dataclass(frozen=True)
 class Run:
-    """A run folder as it was read: its manifest, and what is finished of each study."""
+    """A run folder as it was read: its manifest, and the finished part of each study."""
 
     root: Path
     manifest: Manifest

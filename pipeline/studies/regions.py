@@ -11,10 +11,10 @@ is the share that arrives of those sent towards the point's front side.
     lit          every sample arrives
     penumbra     the rest, and the pixels that border on it
 
-Each pixel has one of these labels, in this order of precedence. The umbra of contact pixels is kept beside
-them (`dark`), since it is where a shadow's epsilon leaks. The pass shares camera, geometry and shadow test
-with the renderer: it says where to look. The umbra that a leak is measured in is where the reference is black
-as well (pipeline/run/worker.py).
+Each pixel has one of these labels, in this order of precedence. The umbra of contact pixels is kept apart
+(`dark`), since a shadow's epsilon leaks there. The pass shares camera, geometry and shadow test with the
+renderer, so that it only says where to look: a leak is measured where the reference is black too
+(pipeline/run/worker.py).
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """verdict with its reason, a sentence. level: of each family. image: (h, w, 3), the estimator's."""
+    """A verdict with its reason in a sentence. level: of each family. image: (h, w, 3), the estimator's."""
 
     verdict: Outcome
     reason: str
@@ -81,7 +81,7 @@ def verify(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> Verification:
-    """Render the scene by the trial's estimator and test the image against a reference of the same scene.
+    """Render a scene by the trial's estimator, and test the image against a reference of that scene.
 
     parts: further regions to test, by name (`region_masks`). PenumbraError if the trial's numbers are out of
     range, or the estimator does not apply to the scene.

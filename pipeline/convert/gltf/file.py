@@ -1,8 +1,8 @@
 """glTF 2.0 files, .gltf and .glb: their JSON, and the numbers and images in their buffers.
 
 The reader is our own: trimesh's keeps no lights and no cameras. Nothing is fetched: a buffer lies in the file
-itself, in a data URI, or in a file inside the folder. What an accessor says is held to what its buffer has
-before any of it is read. Source: the specification of glTF 2.0, sections 3.6 and 4.4 [gltf2021].
+itself, in a data URI, or in a file inside the folder. An accessor's size is checked against its buffer before
+any of it is read. Source: the specification of glTF 2.0, sections 3.6 and 4.4 [gltf2021].
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class GltfFile:
     def _view(
         self, index: Any, offset: Any, count: Any, width: int, dtype: np.dtype[Any], where: str
     ) -> NDArray[Any]:
-        """(count, width) numbers of a buffer view, from `offset` bytes into it."""
+        """The numbers (count, width) of a buffer view, from `offset` bytes into it."""
         data, view = self.view(index, where)
         size = width * dtype.itemsize
         stride = view.get("byteStride", size)

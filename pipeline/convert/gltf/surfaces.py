@@ -89,7 +89,7 @@ class Surfaces:
         return Coated(Dielectric(ior, alpha), Diffuse(color))
 
     def _emission(self, given: Object, more: Object, where: str) -> Emission | None:
-        """Emission; W/(m^2 sr) stands for glTF's nits, by the factor of all lights."""
+        """The emission of a material, with W/(m^2 sr) for glTF's nits: one factor for all lights."""
         factor = self.file.numbers(given, "emissiveFactor", [0.0, 0.0, 0.0], where)
         strength = more.get("KHR_materials_emissive_strength", {})
         radiance = factor * self.file.number(strength, "emissiveStrength", 1.0, where)
@@ -132,7 +132,7 @@ class Surfaces:
         return ImageTexture(image, mapping, wrap, kind), coordinates
 
     def _image(self, index: Any, where: str) -> Array:
-        """(h, w, 3), linear."""
+        """The image of this index, (h, w, 3), linear."""
         found = self.file.one("images", index, where)
         if index not in self._images:
             if "uri" in found and not str(found["uri"]).startswith("data:"):

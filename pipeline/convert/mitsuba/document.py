@@ -1,8 +1,8 @@
 """Mitsuba's XML as plug-ins with their parameters, each with its place in its file.
 
-As in Mitsuba, `<default>` sets what `$name` stands for unless the caller did, `<include>` stands for the
-content of another file, and `<ref>` for a plug-in that has an id, wherever that is. A document type
-declaration is refused, so that no entity expands; nothing is fetched.
+As in Mitsuba, `<default>` sets the value of `$name` unless the caller did, `<include>` is replaced by the
+content of another file, and `<ref>` by the plug-in with its id, wherever that is. A document type declaration
+is refused, so that no entity expands; nothing is fetched.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class ClosedFormBackend:
 
 
 def _parts(scene: SceneDescription, quantity: Quantity) -> ClosedFormScene | UniformScene:
-    """The parts of the image; SceneError where there is no closed form."""
+    """The parts of a scene with a closed form; SceneError with the reason if it has none."""
     if quantity == "ambient-occlusion":
         return open_scene(scene)
     return uniform_scene(scene) if is_uniform(scene) else analyse(scene)

@@ -234,7 +234,7 @@ def _last(said: Path) -> str:
 
 
 def _read(path: Path, scene: SceneDescription) -> Image:
-    """The mean of an image's channels, all three of which have the same expectation in a gray scene."""
+    """The mean of an image's channels, which have equal expectations in a gray scene."""
     try:
         rgb = read_rgb(path)
     except PenumbraError as error:

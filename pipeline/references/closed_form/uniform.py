@@ -43,7 +43,7 @@ def is_uniform(scene: SceneDescription) -> bool:
 
 
 def uniform_scene(scene: SceneDescription) -> UniformScene:
-    """The parts of a scene of one irradiance; SceneError with the reason if it is none."""
+    """The parts of a scene of one irradiance; SceneError with the reason if its irradiance varies."""
     receivers, plane, _ = ground(scene)
     irradiance, sky = np.zeros(3), np.zeros(3)
     for light in scene.lights:

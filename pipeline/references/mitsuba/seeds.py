@@ -22,8 +22,9 @@ def seeds_for(seed: int, film: Film, variant: str, first: int, count: int) -> tu
     call the stream seed * pixels + i, counting in whole blocks, of which there are more pixels than the image
     has: neighbouring seeds share streams, so that a slot of `stride` seeds holds one. And streams whose
     numbers are evenly spaced are lattices of one generator: measured, evenly spaced seeds made the spread of
-    the batches overstate the variance by 14 %. PenumbraError where the image has too many pixels, or the
-    series too many calls.
+    the batches overstate the variance by 14 %.
+
+    PenumbraError if the image has too many pixels, or the series too many calls.
     """
     pixels = film.width * film.height
     blocks = -(-film.width // 32) * -(-film.height // 32)

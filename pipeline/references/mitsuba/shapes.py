@@ -1,4 +1,4 @@
-"""Shapes for Mitsuba: what stays analytic, what becomes triangles, and how a light gets its second side.
+"""Shapes for Mitsuba: analytic ones, meshes of triangles, and lights with two sides.
 
 Emitting rectangles, and all whole disks and spheres, stay analytic; every other quadrilateral becomes two
 flat triangles, and quadrics become many. Mitsuba's area lights have one side. One with two is two lights back

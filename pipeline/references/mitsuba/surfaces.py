@@ -102,7 +102,7 @@ def _(material: MixedMaterial, to_uv: Array, where: Location | None) -> Plugin:
 
 @singledispatch
 def _reflectance(material: Material) -> Texture | None:
-    """That of the diffuse material which this one stands for, None where it stands for none."""
+    """The reflectance of a diffuse material, or of a mix of such; None for other materials."""
     return None
 
 

@@ -1,12 +1,10 @@
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
-"""Renders one task with Mitsuba 3, in a process of its own: `python -m pipeline.references.mitsuba.worker
-FOLDER`.
+"""The worker that renders a task with Mitsuba 3: `python -m pipeline.references.mitsuba.worker FOLDER`.
 
-The only import of mitsuba. Its variant is global to a process and a wrong LLVM aborts it: both are reasons
-for a process of its own. FOLDER holds task.pickle (a `Task`, written by the parent) and gets one file a
-batch, named to stdout by a line `penumbra-batch NUMBER` once it is whole; before the first, `penumbra-lift
-PIXELS` (see `_lift`). What it is given is declared here, and it imports of the project only the plugins that
-Mitsuba lacks: a worker starts in the time that mitsuba takes.
+The only import of mitsuba, in a process of its own: Mitsuba's variant is global to a process, and a wrong
+LLVM aborts it. FOLDER holds task.pickle, a `Task` that the parent wrote. The worker prints `penumbra-lift
+PIXELS` (see `_lift`), and for each batch `penumbra-batch NUMBER` once its file is whole. The classes of tasks
+are declared here, so that the worker imports little besides mitsuba and starts fast.
 """
 
 from __future__ import annotations
@@ -49,13 +47,12 @@ class Plugin:
 
 @dataclass(frozen=True, eq=False)
 class MitsubaScene:
-    """A scene as the worker builds it. camera_to_world: (4, 4), right-handed as Mitsuba's. sensor: the
-    camera's plugin and its own values.
+    """A scene as the worker builds it.
 
-    filter: the pixel filter in x and in y, each as its offsets from the pixel's middle at equal steps of
-    probability, or None for the box of one pixel. film: (3, 3), from homogeneous film points in [0, 1]^2 to
-    those of the sensor, or None where they are the same. pixel: its width at distance 1. notes:
-    what a reader of the reference should know, by name.
+    camera_to_world: (4, 4), right-handed as Mitsuba's. sensor: the camera's plug-in. filter: the pixel filter
+    in x and in y, as offsets from the pixel's middle at equal steps of probability; None for the box of one
+    pixel. film: (3, 3), from homogeneous film points in [0, 1]^2 to the sensor's; None for the identity.
+    pixel: its width at distance 1. notes: remarks for a reader of the reference, by name.
     """
 
     camera_to_world: Array
