@@ -39,25 +39,17 @@ def all_triangles(shapes: Sequence[ShapeDescription]) -> Triangles | None:
     """All triangles and patches that Embree holds as one mesh, in the order of shapes and faces; None without
     any.
     """
-    vertices: list[Floats] = []
-    faces: list[NDArray[np.int64]] = []
-    shape: list[NDArray[np.int64]] = []
-    reverse: list[NDArray[np.bool_]] = []
-    offset = 0
-    for i, s in enumerate(shapes):
-        g = s.geometry
-        if is_analytic(s) or not isinstance(g, Mesh):
-            continue
-        own = g.triangulated().faces
-        vertices.append(g.vertices)
-        faces.append(own + offset)
-        shape.append(np.full(len(own), i, dtype=np.int64))
-        reverse.append(np.full(len(own), g.reverse))
-        offset += len(g.vertices)
-    if not vertices:
+    held = [(i, s.geometry) for i, s in enumerate(shapes) if not is_analytic(s)]
+    meshes = [(i, g, g.triangulated().faces) for i, g in held if isinstance(g, Mesh)]
+    if not meshes:
         return None
+    starts = np.cumsum([0, *(len(g.vertices) for _, g, _ in meshes)])[:-1]
+    counts = [len(faces) for _, _, faces in meshes]
     return make_triangles(
-        np.concatenate(vertices), np.concatenate(faces), np.concatenate(shape), np.concatenate(reverse)
+        np.concatenate([g.vertices for _, g, _ in meshes]),
+        np.concatenate([faces for _, _, faces in meshes]) + np.repeat(starts, counts)[:, None],
+        np.repeat(np.array([i for i, _, _ in meshes], dtype=np.int64), counts),
+        np.repeat(np.array([g.reverse for _, g, _ in meshes], dtype=np.bool_), counts),
     )
 
 
