@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import trimesh
 import typer
+from numpy.typing import NDArray
 
 from pipeline.console.command import script
 from pipeline.console.console import Console
@@ -66,6 +67,11 @@ def benchmark(
             f"PLY of {triangles:,} triangles: {ours:.2f} s, {ours / theirs:.2f} of trimesh's time; "
             f"{memory:.1f} of its arrays' memory"
         )
+        found["inline"] = _inline(folder / "inline.pbrt", triangles)
+        console.line(
+            "that mesh as pbrt text: {us_each:.2f} us a triangle, {memory_to_arrays:.1f} of its arrays' "
+            "memory".format(**found["inline"])
+        )
         for kind, text in PLACED.items():
             path = folder / "many.pbrt"
             path.write_text(_many(text, count))
@@ -92,6 +98,21 @@ def _ply(path: Path) -> tuple[float, float, float]:
     return ours, theirs, peak / (mesh.vertices.nbytes + mesh.triangles.nbytes)
 
 
+def _inline(path: Path, triangles: int) -> dict[str, float]:
+    """Microseconds a triangle of a mesh in the scene's text, and the peak memory over its arrays' size."""
+    _write_inline(path, triangles)
+    seconds, scene = _timed(lambda: load(str(path)))
+    mesh = scene.shapes[0].geometry
+    tracemalloc.start()
+    load(str(path))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return {
+        "us_each": 1e6 * seconds / len(mesh.faces),
+        "memory_to_arrays": peak / (mesh.vertices.nbytes + mesh.faces.nbytes),
+    }
+
+
 def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
     start = time.process_time()
     result = work()
@@ -104,22 +125,37 @@ def _many(text: str, count: int) -> str:
     return f"{HEAD}{OBJECT}{''.join(blocks)}"
 
 
-def _write_ply(path: Path, triangles: int) -> None:
-    """Write a binary PLY of a grid of about so many triangles."""
+def _grid(triangles: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices and faces of a grid of about so many triangles."""
     side = int(np.sqrt(triangles / 2)) + 1
     x, y = np.meshgrid(np.arange(side), np.arange(side))
-    vertices = np.stack([x.ravel(), y.ravel(), np.sin(x.ravel() / 50)], axis=1).astype("<f4")
+    vertices = np.stack([x.ravel(), y.ravel(), np.sin(x.ravel() / 50)], axis=1)
     corner = np.arange(side * side).reshape(side, side)
     a, b, c, d = (v.ravel() for v in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
-    rows = np.zeros(2 * len(a), dtype=[("n", "u1"), ("corners", "<i4", 3)])
-    rows["n"] = 3
-    rows["corners"] = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+    return vertices, np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+
+
+def _write_inline(path: Path, triangles: int) -> None:
+    vertices, faces = _grid(triangles)
+    with path.open("w") as file:
+        file.write(f'{HEAD}Shape "trianglemesh" "point3 P" [\n')
+        np.savetxt(file, vertices, fmt="%.6f")
+        file.write(']\n"integer indices" [\n')
+        np.savetxt(file, faces, fmt="%d")
+        file.write("]\n")
+
+
+def _write_ply(path: Path, triangles: int) -> None:
+    """Write a binary PLY of a grid of about so many triangles."""
+    vertices, faces = _grid(triangles)
+    rows = np.zeros(len(faces), dtype=[("n", "u1"), ("corners", "<i4", 3)])
+    rows["n"], rows["corners"] = 3, faces
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
         "property float x\nproperty float y\nproperty float z\n"
         f"element face {len(rows)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
-    path.write_bytes(header.encode() + vertices.tobytes() + rows.tobytes())
+    path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
 
 
 if __name__ == "__main__":

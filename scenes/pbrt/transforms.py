@@ -47,8 +47,11 @@ class Transform:
         if len(p) <= FEW:  # the same sums, in a third of the calls
             a, b, c, d = rows[:3].T
             return a * x[:, None] + b * y[:, None] + c * z[:, None] + d + 0.0
-        columns = [rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z + rows[i, 3] for i in range(3)]
-        return np.stack(columns, axis=1) + 0.0
+        out = np.zeros(p.shape)
+        for i in range(3):  # a column at a time: the points may be most of the memory
+            out[:, i] = rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z + rows[i, 3]
+        out += 0.0
+        return out
 
     def vector(self, v: Array) -> Array:
         """Transform one vector: (3,) -> (3,)."""

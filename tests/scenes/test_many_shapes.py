@@ -161,3 +161,30 @@ def test_a_small_file_takes_little_memory(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 10**6
     finally:
         tracemalloc.stop()
+
+
+def test_an_inline_mesh_takes_three_times_the_memory_of_its_arrays_at_most(tmp_path: Path) -> None:
+    """A file of pbrt text whose numbers are nearly all of it: text, lines and arrays together."""
+    side = 250
+    x, y = np.meshgrid(np.arange(side), np.arange(side))
+    points = np.stack([x.ravel(), y.ravel(), np.sin(x.ravel())], axis=1)
+    corner = np.arange(side * side).reshape(side, side)
+    a, b, c, d = (v.ravel() for v in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+    path = tmp_path / "inline.pbrt"
+    with path.open("w") as file:
+        file.write('Camera "perspective" WorldBegin Shape "trianglemesh" "point3 P" [\n')
+        np.savetxt(file, points, fmt="%.6f")
+        file.write(']\n"integer indices" [\n')
+        np.savetxt(file, faces, fmt="%d")
+        file.write("]\n")
+    parse_file(path)  # what is imported and kept is there then
+    tracemalloc.start()
+    (shape,) = parse_file(path).shapes
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    mesh = shape.geometry
+    assert isinstance(mesh, TriangleMesh)
+    np.testing.assert_array_equal(mesh.faces, faces)
+    np.testing.assert_array_equal(mesh.vertices, points.round(6) + 0.0)
+    assert peak < 3 * (mesh.vertices.nbytes + mesh.faces.nbytes)

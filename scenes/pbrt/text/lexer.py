@@ -27,6 +27,7 @@ _LEXEME = re.compile(
     r"|(?P<bracket>[\[\]])"
     r'|(?P<word>[^ \t\r\n"\[\]]+))'
 )
+PIECE = 2**18  # characters whose lines are counted at a time
 _COMMENT = re.compile(r"(?m)(?:^|[ \t])#[^\r\n]*")
 _BYTE = re.compile("[\udc80-\udcff]")
 _ESCAPE = re.compile(r"\\(.)")
@@ -45,15 +46,17 @@ class Source:
 
     @cached_property
     def _line_starts(self) -> memoryview:
-        # In UTF-32 every character is one number, so that offsets are the text's own.
-        width, data = (
-            ("<u1", self.text.encode("ascii"))
-            if self.text.isascii()
-            else ("<u4", self.text.encode("utf-32-le", "surrogatepass"))
-        )
-        ends = np.flatnonzero(np.frombuffer(data, dtype=width) == ord("\n"))
+        kept = np.int32 if len(self.text) < 2**31 else np.int64
+        starts = [np.zeros(1, kept)]
+        for first in range(0, len(self.text), PIECE):
+            # In UTF-32 every character is one number, so that offsets are the text's own.
+            piece = self.text[first : first + PIECE]
+            ascii_ = piece.isascii()
+            data = piece.encode("ascii" if ascii_ else "utf-32-le", "strict" if ascii_ else "surrogatepass")
+            ends = np.flatnonzero(np.frombuffer(data, dtype="<u1" if ascii_ else "<u4") == ord("\n"))
+            starts.append((ends + (first + 1)).astype(kept))
         # A memoryview's single items are cheaper than an array's.
-        return np.concatenate([np.zeros(1, np.int64), ends.astype(np.int64) + 1]).data
+        return np.concatenate(starts).data
 
     def location(self, offset: int) -> Location:
         """The line and column, from 1, of the character at `offset`."""

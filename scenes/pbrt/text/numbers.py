@@ -23,15 +23,16 @@ SINGLES = 1_000_000  # tokens of one list that are in no run
 _WORD = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?+(?=[ \t\r\n\]])"
 _RUN = re.compile(rf"(?:[ \t\r\n]++|{_WORD}|#(?!\$(?![^ \t\r\n]))[^\r\n]*+)*+")
 _COMMENT = re.compile(r"#[^\r\n]*")
+_LONG = re.compile(r"[0-9]{19}")  # beyond int64, perhaps
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Finite numbers of a text, `array` (m,) float64, between the offsets start and end. whole: whether each
-    is written as a whole number.
+    """Finite numbers of a text between the offsets start and end. whole: whether each is written as a whole
+    number; `array` (m,) is int64 then, unless one is very long, else float64.
     """
 
-    array: NDArray[np.float64]
+    array: NDArray[np.float64] | NDArray[np.int64]
     whole: bool
     source: Source
     start: int
@@ -54,13 +55,19 @@ def read_run(source: Source, start: int) -> Run | None:
         piece = _COMMENT.sub(" ", piece)
     if end < start + SHORT and not (source.text[end : end + 1] == "]" and len(piece.split()) >= SEVERAL):
         return None
-    if not piece.strip():
+    if not piece or piece.isspace():
         return None
-    array = np.fromstring(piece, dtype=np.float64, sep=" ")
+    whole = not any(letter in piece for letter in ".eE")
+    array: NDArray[np.float64] | NDArray[np.int64]
+    if whole and _LONG.search(piece) is None:
+        array = np.fromstring(piece, dtype=np.int64, sep=" ")
+    else:
+        array = np.fromstring(piece, dtype=np.float64, sep=" ")
+    del piece  # of a large list as much as the numbers
     if not np.all(np.isfinite(array)):
         word = next(islice(tokenize(source, start), int(np.argmin(np.isfinite(array))), None))
         raise SceneError(f"{word.text[:40]} is beyond the range of a number", word.where)
-    return Run(array, not any(letter in piece for letter in ".eE"), source, start, end)
+    return Run(array, whole, source, start, end)
 
 
 class Values:
@@ -86,14 +93,16 @@ class Values:
         """The token of the value at `index`, for a message."""
         return next(islice(iter(self), index, None))
 
-    @property
-    def whole(self) -> bool:
-        """Whether all of it is runs of whole numbers."""
-        return all(isinstance(part, Run) and part.whole for part in self._parts)
+    def integers(self) -> NDArray[np.int64] | None:
+        """All values as integers, (m,) int64; None where one is no plain whole number, or a very long one."""
+        runs = [part.array for part in self._parts if isinstance(part, Run) and part.array.dtype == np.int64]
+        if not runs or len(runs) < len(self._parts):
+            return None
+        return np.asarray(runs[0] if len(runs) == 1 else np.concatenate(runs), dtype=np.int64)
 
     def array(self, number: Callable[[Token], float]) -> NDArray[np.float64]:
         """All values as numbers, (m,) float64. number: what a single token stands for."""
         if len(self._parts) == 1 and isinstance(self._parts[0], Run):
-            return self._parts[0].array
+            return np.asarray(self._parts[0].array, dtype=np.float64)
         pieces = [part.array if isinstance(part, Run) else np.array([number(part)]) for part in self._parts]
-        return np.concatenate([np.zeros(0), *pieces])
+        return np.concatenate([np.zeros(0), *pieces], dtype=np.float64)

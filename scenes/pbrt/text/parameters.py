@@ -189,15 +189,16 @@ class Parameters:
         if parameter is None:
             return None
         values = parameter.values
-        if values.whole:
-            array = self.values(parameter)
-            if not np.any(np.abs(array) > INT32_MAX):
-                return array.astype(np.int64), values
+        array = values.integers()
+        if array is not None and array.size and array.min() >= -INT32_MAX and array.max() <= INT32_MAX:
+            return array, values
         return np.array([self._whole(token) for token in values], dtype=np.int64), values
 
     def values(self, parameter: Parameter) -> Array:
         """The numbers of a parameter that was taken: (m,) float64."""
-        return parameter.values.array(self._bindings.number) + 0.0
+        found = parameter.values.array(self._bindings.number)
+        found += 0.0  # -0 becomes 0, in place: a mesh may be most of the memory
+        return found
 
     def take(self, name: str, *types: str) -> Parameter | None:
         """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of
