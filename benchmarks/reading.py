@@ -6,6 +6,7 @@ import tempfile
 import time
 import tracemalloc
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -75,9 +76,9 @@ def benchmark(
         for kind, text in PLACED.items():
             path = folder / "many.pbrt"
             path.write_text(_many(text, count))
-            read, scene = _timed(lambda: load(str(path)))  # noqa: B023
-            built, ready = _timed(lambda: build(scene))  # noqa: B023
-            planned, _ = _timed(lambda: make_plan(ready))  # noqa: B023
+            read, scene = _timed(partial(load, str(path)))
+            built, ready = _timed(partial(build, scene))
+            planned, _ = _timed(partial(make_plan, ready))
             each = [1e6 * seconds / count for seconds in (read, built, planned)]
             found[kind] = dict(zip(("read", "build", "plan"), each, strict=True))
             console.line(

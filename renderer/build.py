@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from renderer.camera import Camera, make_camera
 from renderer.geometry.analytic import AnalyticPrimitives
 from renderer.geometry.cutouts import Cutouts, cutouts
+from renderer.geometry.normal_perturbation import NormalPerturbations, normal_perturbations
 from renderer.geometry.primitives import (
     TOLERANCE,
     all_triangles,
@@ -20,7 +21,6 @@ from renderer.geometry.primitives import (
     is_analytic,
     without_skew,
 )
-from renderer.geometry.relief import Reliefs, reliefs
 from renderer.geometry.shading_normals import ShadingNormals, shading_normals
 from renderer.geometry.triangles import Triangles
 from renderer.geometry.uv import Coordinates, coordinates
@@ -84,7 +84,8 @@ class RenderScene:
     emissive_triangles: the triangles that emit, None without any. emission: (3, s) radiance, 0 for shapes
     that do not emit. two_sided: (s,). emission_images: images (h, w, 3) that multiply the radiance of a
     shape. coordinates: texture coordinates, None where nothing varies. shading_normals: None without vertex
-    normals. cutouts, reliefs, mixtures: None where no shape has an alpha, a relief, or several materials.
+    normals. cutouts, perturbations, mixtures: None where no shape has an alpha, a normal or
+    bump map, or several materials.
     material_of: (s + r,) the kind of material of each shape, then of the r rows that stand for the materials
     of mixes; -1 for a mix itself. lobes: (s,). boxes: two arrays (s, 3), least and greatest coordinates of
     each shape. contact_epsilon: world units; surfaces nearer than this to each other count as touching.
@@ -106,7 +107,7 @@ class RenderScene:
     coordinates: Coordinates | None
     shading_normals: ShadingNormals | None
     cutouts: Cutouts | None
-    reliefs: Reliefs | None
+    perturbations: NormalPerturbations | None
     mixtures: Mixtures | None
     material_of: NDArray[np.int64]
     lobes: NDArray[np.int64]
@@ -139,7 +140,7 @@ class RenderScene:
     def smooth(self) -> NDArray[np.bool_]:
         """(s,): whether a shape has shading normals of its own."""
         shapes = self.description.shapes
-        own = [vertex_normals(s.geometry) is not None or s.has_relief for s in shapes]
+        own = [vertex_normals(s.geometry) is not None or s.perturbs_normals for s in shapes]
         return np.array(own, dtype=np.bool_)
 
     def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
@@ -187,7 +188,7 @@ def build(scene: SceneDescription) -> RenderScene:
         coordinates=uv,
         shading_normals=smooth,
         cutouts=cutouts(shapes, uv),
-        reliefs=reliefs(rows, uv, smooth),
+        perturbations=normal_perturbations(rows, uv, smooth),
         mixtures=mixed,
         material_of=material_of,
         lobes=_lobes(shapes),

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from renderer.build import RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
 from renderer.geometry.cutouts import Cutouts
+from renderer.geometry.normal_perturbation import NormalPerturbations
 from renderer.geometry.primitives import on_surfaces
-from renderer.geometry.relief import Reliefs
 from renderer.interfaces.estimator import ESTIMATORS, RADIANCE, Estimator
 from renderer.interfaces.sampler import SAMPLERS, Sampler
 from renderer.light_sampling.coincident import Coincident
@@ -421,17 +421,17 @@ def _surface(
         hit = replace(hit, uv=scene.coordinates.at(p, triangle, primitive))
     if scene.mixtures is not None:
         hit = replace(hit, material=scene.mixtures.rows(hit))
-    if scene.reliefs is not None:
-        hit = _embossed(scene.reliefs, hit)
+    if scene.perturbations is not None:
+        hit = _perturbed(scene.perturbations, hit)
     if scene.coordinates is None or not scene.coordinates.oriented:
         return hit
     return replace(hit, tangent=scene.coordinates.tangent(p, triangle, primitive))
 
 
-def _embossed(reliefs: Reliefs, hit: SurfaceHit) -> SurfaceHit:
-    """Points with the shading normals of their reliefs, on the side of wo."""
+def _perturbed(perturbations: NormalPerturbations, hit: SurfaceHit) -> SurfaceHit:
+    """Points with shading normals turned by their normal or bump maps, on the side of wo."""
     outside = np.where(hit.front, hit.ns, -hit.ns)
-    turned = reliefs.at(
+    turned = perturbations.at(
         hit.p, outside, hit.uv, hit.of_one_material().shape, (hit.triangle, hit.primitive), hit.n
     )
     # The geometric normal on the outside, as pbrt orients it by the shading normal.

@@ -61,7 +61,7 @@ def mixtures(shapes: Sequence[ShapeDescription]) -> tuple[list[ShapeDescription]
             one, salt = shape.material, salts[number]
             at = len(rows)
             choices.append(_Choice(number, one.amount, at, at + 1, salt))
-            both = zip(one.parts, one.reliefs, strict=True)
-            rows += [replace(shape, material=part, relief=relief) for part, relief in both]
+            both = zip(one.parts, one.perturbations, strict=True)
+            rows += [replace(shape, material=part, perturbation=normals) for part, normals in both]
             salts |= {at: 2 * salt, at + 1: 2 * salt + 1}
     return rows, Mixtures(tuple(choices)) if choices else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.description.relief import Relief
+from scenes.description.normal_perturbation import NormalPerturbation
 from scenes.description.textures import ColorMap, Texture, map_colors, mean, needs_uv
 
 Array = NDArray[np.float64]
@@ -233,14 +233,14 @@ class DiffuseTransmission:
 class MixedMaterial(Composite):
     """One of two materials at each point, by chance, as pbrt's `mix`.
 
-    amount: the probability of the second, equal in all three components; 0 below 0, and 1 above 1. reliefs:
-    what turns the shading normals of points of the first, and of the second.
+    amount: the probability of the second, equal in all three components; 0 below 0, and 1 above 1.
+    perturbations: the maps that turn the shading normals of points of the first, and of the second.
     """
 
     first: Material
     second: Material
     amount: Texture
-    reliefs: tuple[Relief | None, Relief | None] = (None, None)
+    perturbations: tuple[NormalPerturbation | None, NormalPerturbation | None] = (None, None)
 
     @property
     def parts(self) -> tuple[Material, Material]:
@@ -248,21 +248,21 @@ class MixedMaterial(Composite):
 
     @property
     def needs_uv(self) -> bool:
-        return needs_uv(self.amount) or self.has_relief or super().needs_uv
+        return needs_uv(self.amount) or self.perturbs_normals or super().needs_uv
 
     @property
-    def has_relief(self) -> bool:
+    def perturbs_normals(self) -> bool:
         """Whether any part of it, of its mixes too, turns shading normals."""
-        return any(one is not None for one in self.reliefs) or any(
-            isinstance(part, MixedMaterial) and part.has_relief for part in self.parts
+        return any(one is not None for one in self.perturbations) or any(
+            isinstance(part, MixedMaterial) and part.perturbs_normals for part in self.parts
         )
 
-    def without_reliefs(self) -> MixedMaterial:
+    def without_perturbations(self) -> MixedMaterial:
         """The same with all normals left as they are."""
         first, second = (
-            part.without_reliefs() if isinstance(part, MixedMaterial) else part for part in self.parts
+            part.without_perturbations() if isinstance(part, MixedMaterial) else part for part in self.parts
         )
-        return replace(self, first=first, second=second, reliefs=(None, None))
+        return replace(self, first=first, second=second, perturbations=(None, None))
 
     @property
     def _share(self) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes.description.materials import Material, MixedMaterial
-from scenes.description.relief import Relief
+from scenes.description.normal_perturbation import NormalPerturbation
 from scenes.description.textures import ColorMap, Texture
 from scenes.errors import Location
 
@@ -449,7 +449,7 @@ class ShapeDescription:
     """One `Shape` of the scene file. `where` is for messages and no part of the content.
 
     alpha: how likely a ray is to meet the shape where it lies, equal in all three components; None: it always
-    does. relief: what turns its shading normals.
+    does. perturbation: the map that turns its shading normals.
     """
 
     geometry: Geometry
@@ -457,7 +457,7 @@ class ShapeDescription:
     emission: Emission | None = None
     where: Location | None = field(default=None, metadata={"content": False})
     alpha: Texture | None = None
-    relief: Relief | None = None
+    perturbation: NormalPerturbation | None = None
 
     @property
     def needs_uv(self) -> bool:
@@ -465,18 +465,18 @@ class ShapeDescription:
         textured = self.alpha is not None and not isinstance(self.alpha, np.ndarray)
         return (
             textured
-            or self.has_relief
+            or self.perturbs_normals
             or self.material.needs_uv
             or (self.emission is not None and self.emission.image is not None)
         )
 
     @property
-    def has_relief(self) -> bool:
+    def perturbs_normals(self) -> bool:
         """Whether a normal map or displacement turns shading normals, of the whole shape or of a part of its
         mix.
         """
-        mixed = isinstance(self.material, MixedMaterial) and self.material.has_relief
-        return self.relief is not None or mixed
+        mixed = isinstance(self.material, MixedMaterial) and self.material.perturbs_normals
+        return self.perturbation is not None or mixed
 
     def scaled(self, factor: float) -> ShapeDescription:
         """The shape with its emission multiplied."""

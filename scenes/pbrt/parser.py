@@ -24,7 +24,7 @@ from scenes.files import Files
 from scenes.pbrt.directives.emission import apply_area_light
 from scenes.pbrt.directives.environment import sum_environments
 from scenes.pbrt.directives.integrator import check_delta
-from scenes.pbrt.directives.materials import resolve_material, resolve_relief
+from scenes.pbrt.directives.materials import resolve_material, resolve_perturbation
 from scenes.pbrt.directives.media import check_media, surfaces
 from scenes.pbrt.directives.shapes import resolve_alpha
 from scenes.pbrt.instances import expand_instances
@@ -138,20 +138,25 @@ def _shapes(placed: PlacedShape, builder: Builder) -> list[ShapeDescription]:
     which are then no part of the content.
     """
     material = resolve_material(placed.material, builder)
-    alpha, relief = resolve_alpha(placed.alpha, builder), resolve_relief(placed.material, builder)
-    varies = material.needs_uv or relief is not None or not (alpha is None or isinstance(alpha, np.ndarray))
+    alpha, perturbation = resolve_alpha(placed.alpha, builder), resolve_perturbation(placed.material, builder)
+    varies = (
+        material.needs_uv or perturbation is not None or not (alpha is None or isinstance(alpha, np.ndarray))
+    )
     parts: list[tuple[Geometry, Emission | None]] = [(placed.geometry, None)]
     if placed.light is not None:
         parts = [*apply_area_light(placed.geometry, placed.light, placed.where, builder.report)]
     if isinstance(alpha, np.ndarray) and not alpha.any() and placed.light is None:
         return []  # no ray ever meets it
-    mixed = isinstance(material, MixedMaterial) and material.has_relief
-    if (relief is not None or mixed) and isinstance(placed.geometry, Quadric):
+    mixed = isinstance(material, MixedMaterial) and material.perturbs_normals
+    if (perturbation is not None or mixed) and isinstance(placed.geometry, Quadric):
         builder.report.substitute(
             f"a normal map or displacement on part of a {placed.geometry.form}", "without it", placed.where
         )
-        relief = None
-        material = material.without_reliefs() if isinstance(material, MixedMaterial) else material
+        perturbation = None
+        material = material.without_perturbations() if isinstance(material, MixedMaterial) else material
     if not varies:
         parts = [(geometry.untextured(), emission) for geometry, emission in parts]
-    return [ShapeDescription(one, material, emission, placed.where, alpha, relief) for one, emission in parts]
+    return [
+        ShapeDescription(one, material, emission, placed.where, alpha, perturbation)
+        for one, emission in parts
+    ]

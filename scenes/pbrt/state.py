@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scenes.description.lights import Light
 from scenes.description.materials import Diffuse, Material
-from scenes.description.relief import NormalMap
+from scenes.description.normal_perturbation import NormalMap
 from scenes.description.scene import Camera, Film, PerspectiveCamera, PixelFilter, RenderDefaults
 from scenes.description.shapes import Emission, Geometry
 from scenes.description.textures import Texture
@@ -98,14 +98,14 @@ class MediumInterface:
 
 
 @dataclass(frozen=True, eq=False)
-class Embossed:
+class PerturbedUse:
     """A material with a normal map, or with a displacement that turns its normals alone."""
 
     material: Interface | Material | TexturedDiffuse | Pending
-    relief: NormalMap | NamedNumbers
+    perturbation: NormalMap | NamedNumbers
 
 
-MaterialUse = Interface | Material | TexturedDiffuse | Pending | MixedUse | NamedMaterial | Embossed
+MaterialUse = Interface | Material | TexturedDiffuse | Pending | MixedUse | NamedMaterial | PerturbedUse
 
 
 @dataclass(frozen=True, eq=False)

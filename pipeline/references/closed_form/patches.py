@@ -51,7 +51,7 @@ def outline(mesh: TriangleMesh | BilinearMesh, shape: ShapeDescription, *, orien
     one convex loop of winding number 1, so that every point inside is covered exactly once. oriented: whether
     faces must already turn the same way, as a light's do; else they are turned.
     """
-    if shape.alpha is not None or shape.has_relief:
+    if shape.alpha is not None or shape.perturbs_normals:
         raise needs("shapes without an alpha, a normal map or bumps", shape.where)
     faces = _corners(mesh)
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)

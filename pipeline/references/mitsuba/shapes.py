@@ -67,7 +67,7 @@ def affine(axes: Array, origin: Array) -> Array:
 
 def shapes(shape: ShapeDescription, frame: Frame) -> Iterator[Plugin]:
     """The shape as Mitsuba's plug-ins in normalised coordinates; SceneError if Mitsuba cannot have it."""
-    if shape.has_relief:
+    if shape.perturbs_normals:
         raise SceneError("normal maps and displacements are not handed to Mitsuba", shape.where)
     if shape.alpha is not None:
         raise SceneError(

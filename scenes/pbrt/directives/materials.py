@@ -24,7 +24,7 @@ from scenes.description.materials import (
     MixedMaterial,
     Roughness,
 )
-from scenes.description.relief import Bump, NormalMap, Relief
+from scenes.description.normal_perturbation import BumpMap, NormalMap, NormalPerturbation
 from scenes.description.textures import Texture
 from scenes.errors import Location, PenumbraError, SceneError
 from scenes.pbrt.directives.stand_ins import hair, measured, subsurface
@@ -34,13 +34,13 @@ from scenes.pbrt.spectra import colour, colour_of, index_of, samples, spectrum_n
 from scenes.pbrt.state import (
     DEFAULT_REFLECTANCE,
     Builder,
-    Embossed,
     Interface,
     MaterialUse,
     MixedUse,
     NamedMaterial,
     NamedNumbers,
     Pending,
+    PerturbedUse,
     TexturedDiffuse,
     check_room,
     refuse_kind,
@@ -62,7 +62,9 @@ BRIGHT_WALKS = (
 def material(builder: Builder, kind: str, parameters: Parameters) -> None:
     """`Material`."""
     builder.state = replace(builder.state, material=Diffuse(np.full(3, DEFAULT_REFLECTANCE)))
-    builder.state = replace(builder.state, material=_embossed(builder, _made(kind, parameters), parameters))
+    builder.state = replace(
+        builder.state, material=_with_perturbation(builder, _made(kind, parameters), parameters)
+    )
 
 
 def kinds() -> tuple[str, ...]:
@@ -79,7 +81,7 @@ def make_named_material(builder: Builder, name: str, parameters: Parameters) -> 
         raise SceneError(f'MakeNamedMaterial "{name}" needs "string type"', parameters.where)
     builder.materials[name] = Diffuse(np.full(3, DEFAULT_REFLECTANCE))
     made = _made(parameters.text("type", ""), parameters)
-    builder.materials[name] = _embossed(builder, made, parameters)
+    builder.materials[name] = _with_perturbation(builder, made, parameters)
 
 
 def _made(kind: str, parameters: Parameters) -> MaterialUse:
@@ -88,17 +90,17 @@ def _made(kind: str, parameters: Parameters) -> MaterialUse:
     return _KINDS[kind](parameters)
 
 
-def _embossed(builder: Builder, made: MaterialUse, parameters: Parameters) -> MaterialUse:
+def _with_perturbation(builder: Builder, made: MaterialUse, parameters: Parameters) -> MaterialUse:
     """The material with its normal map or, without one, its displacement."""
-    if isinstance(made, Interface | NamedMaterial | Embossed | MixedUse):
+    if isinstance(made, Interface | NamedMaterial | PerturbedUse | MixedUse):
         return made
     name, displacement = parameters.text("normalmap", ""), parameters.take("displacement", "texture")
     if name:
-        return Embossed(made, NormalMap(normals_of(builder, parameters, name)))
+        return PerturbedUse(made, NormalMap(normals_of(builder, parameters, name)))
     if displacement is None:
         return made
     parameters.remark("displacement", BUMPS)
-    return Embossed(made, NamedNumbers(parameters.text_of(displacement), displacement.where))
+    return PerturbedUse(made, NamedNumbers(parameters.text_of(displacement), displacement.where))
 
 
 def _diffuse(parameters: Parameters) -> MaterialUse:
@@ -394,8 +396,8 @@ def _mixed(use: MixedUse, builder: Builder, within: tuple[str, ...]) -> MixedMat
         if isinstance(found, Interface):
             raise SceneError('a mix with a material "interface" is not supported', part.where)
         parts.append(resolve_material(found, builder, (*within, part.name)))
-    reliefs = resolve_relief(use.first, builder), resolve_relief(use.second, builder)
-    return MixedMaterial(parts[0], parts[1], use.amount(builder), reliefs)
+    perturbations = resolve_perturbation(use.first, builder), resolve_perturbation(use.second, builder)
+    return MixedMaterial(parts[0], parts[1], use.amount(builder), perturbations)
 
 
 def resolve_material(use: MaterialUse, builder: Builder, within: tuple[str, ...] = ()) -> Material:
@@ -408,7 +410,7 @@ def resolve_material(use: MaterialUse, builder: Builder, within: tuple[str, ...]
     use = _found(use, builder)
     if isinstance(use, MixedUse):
         return _mixed(use, builder, within)
-    if isinstance(use, Embossed):
+    if isinstance(use, PerturbedUse):
         use = use.material
     if isinstance(use, NamedMaterial):
         raise SceneError(f"material {use.name!r} stands for another name", use.where)
@@ -446,15 +448,15 @@ def _numbers_of(given: NumberUse, builder: Builder) -> Texture:
     return np.full(3, 0.0) if found is None else found
 
 
-def resolve_relief(use: MaterialUse, builder: Builder) -> Relief | None:
-    """The relief of the material that a use stands for; SceneError where its texture is not there."""
+def resolve_perturbation(use: MaterialUse, builder: Builder) -> NormalPerturbation | None:
+    """The normal map or bump map of a material; SceneError where its texture is not there."""
     use = _found(use, builder)
-    if not isinstance(use, Embossed):
+    if not isinstance(use, PerturbedUse):
         return None
-    if isinstance(use.relief, NormalMap):
-        return use.relief
-    found = named_texture(builder, "float", use.relief.texture, use.relief.where).value
-    return None if found is None or isinstance(found, np.ndarray) else Bump(found)
+    if isinstance(use.perturbation, NormalMap):
+        return use.perturbation
+    found = named_texture(builder, "float", use.perturbation.texture, use.perturbation.where).value
+    return None if found is None or isinstance(found, np.ndarray) else BumpMap(found)
 
 
 def _found(use: MaterialUse, builder: Builder) -> MaterialUse:
@@ -510,10 +512,10 @@ def _(material: DiffuseTransmission, textures: TextureWriter) -> list[str]:
 def _(material: MixedMaterial, textures: TextureWriter) -> list[str]:
     lines: list[str] = []
     names: list[str] = []
-    for part, relief in zip(material.parts, material.reliefs, strict=True):
+    for part, perturbation in zip(material.parts, material.perturbations, strict=True):
         *before, text = material_text(part, textures)
-        if relief is not None:
-            text = f"{text} {relief_text(relief, textures, before)}"
+        if perturbation is not None:
+            text = f"{text} {perturbation_text(perturbation, textures, before)}"
         name, new = textures.material_name(text)
         names.append(name)
         lines += before
@@ -588,8 +590,8 @@ def _roughness_text(parts: Mapping[str, Microfacets], textures: TextureWriter, l
     return " ".join([*text, f'"bool remaproughness" [ {str(remap).lower()} ]'])
 
 
-def relief_text(relief: Relief, textures: TextureWriter, lines: list[str]) -> str:
-    """The parameter of a `Material` that reads back as its relief; a texture that is new goes to `lines`."""
-    if isinstance(relief, NormalMap):
-        return f'"string normalmap" {textures.files.add(relief.image)}'
-    return textures.parameter("float", "displacement", relief.displacement, lines)
+def perturbation_text(perturbation: NormalPerturbation, textures: TextureWriter, lines: list[str]) -> str:
+    """The parameter of a `Material` that reads back as its normal or bump map; new textures go to `lines`."""
+    if isinstance(perturbation, NormalMap):
+        return f'"string normalmap" {textures.files.add(perturbation.image)}'
+    return textures.parameter("float", "displacement", perturbation.displacement, lines)

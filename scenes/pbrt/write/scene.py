@@ -20,7 +20,7 @@ from scenes.description.scene import Camera, Film, RenderDefaults, SceneDescript
 from scenes.description.shapes import Array, ShapeDescription
 from scenes.errors import PenumbraError
 from scenes.pbrt.directives.lights import area_light_text, light_text
-from scenes.pbrt.directives.materials import material_text, relief_text
+from scenes.pbrt.directives.materials import material_text, perturbation_text
 from scenes.pbrt.directives.shapes import shape_text
 from scenes.pbrt.directives.textures import TextureWriter
 from scenes.pbrt.write.side_files import SideFiles
@@ -180,9 +180,9 @@ def _shape(shape: ShapeDescription, textures: TextureWriter) -> list[str]:
     if shape.emission is not None:
         lines.append(area_light_text(shape.emission, textures.files))
     lines += material_text(shape.material, textures)
-    if shape.relief is not None:
+    if shape.perturbation is not None:
         made = lines.pop()
-        part = relief_text(shape.relief, textures, lines)
+        part = perturbation_text(shape.perturbation, textures, lines)
         lines.append(f"{made} {part}")
     alpha = [] if shape.alpha is None else [f"  {textures.parameter('float', 'alpha', shape.alpha, lines)}"]
     return [*lines, *shape_text(shape.geometry, shape.emission is not None), *alpha]

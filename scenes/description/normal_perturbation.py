@@ -1,4 +1,4 @@
-"""Relief: what gives a surface shading normals of its own, without moving it."""
+"""Normal maps and bump maps: they turn the shading normals of a surface, without moving it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class NormalMap:
 
 
 @dataclass(frozen=True, eq=False)
-class Bump:
+class BumpMap:
     """The normals of the surface moved by `displacement` along its normal, world units, equal in all three
     components.
     """
@@ -28,4 +28,4 @@ class Bump:
     displacement: Texture
 
 
-Relief = NormalMap | Bump
+NormalPerturbation = NormalMap | BumpMap

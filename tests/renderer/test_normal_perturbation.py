@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.references.protocol import BACKENDS
 from renderer import build, render
 from renderer.plan.plan import make_plan
-from scenes.description.relief import Bump
+from scenes.description.normal_perturbation import BumpMap
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Disk, ShapeDescription, Sphere
 from scenes.description.textures import Bilerp
@@ -163,22 +163,22 @@ def test_a_sphere_bumps_about_its_axis(ramps: Path) -> None:
     normal = np.array([-slope, 0.0, 1.0]) / np.hypot(1, slope)
     assert abs(middle - flat - (normal - [0, 0, 1]) @ TO_LIGHT) < 2e-3
     assert abs(middle - flat) > 1e-2
-    assert scene.shapes[0].relief is not None
+    assert scene.shapes[0].perturbation is not None
 
 
-def test_the_plan_tells_and_a_scene_without_relief_does_nothing(ramps: Path) -> None:
+def test_the_plan_tells_and_a_scene_without_maps_does_nothing(ramps: Path) -> None:
     scene, plain = bumped(ramps, PLANE), parse(HEAD + SUN + PLANE)
-    assert [build(one).reliefs is None for one in (scene, plain)] == [False, True]
+    assert [build(one).perturbations is None for one in (scene, plain)] == [False, True]
     decided = [{d.effect: d.needed for d in make_plan(build(one)).decisions} for one in (scene, plain)]
     assert [one["shading normals"] for one in decided] == [True, False]
 
 
 @pytest.mark.parametrize("backend", ["closed-form", "mitsuba"])
-def test_a_reference_without_relief_refuses_it(ramps: Path, backend: str) -> None:
+def test_a_reference_without_bump_maps_refuses_them(ramps: Path, backend: str) -> None:
     assert "normal map" in str(BACKENDS[backend].refuses(bumped(ramps, PLANE)))
 
 
-def test_relief_is_written_and_read_back(ramps: Path) -> None:
+def test_maps_are_written_and_read_back(ramps: Path) -> None:
     out = ramps / "out"
     out.mkdir()
     normal = mapped(folder_with(ramps, np.array([0.1, 0.2, 0.9])), PLANE)
@@ -187,10 +187,10 @@ def test_relief_is_written_and_read_back(ramps: Path) -> None:
         assert [hash_values(s) for s in again.shapes] == [hash_values(s) for s in scene.shapes]
 
 
-def test_named_materials_carry_their_relief(ramps: Path) -> None:
+def test_named_materials_carry_their_maps(ramps: Path) -> None:
     named = RAMP.replace('Material "diffuse"', 'MakeNamedMaterial "m" "string type" "diffuse"')
     (ramps / "scene.pbrt").write_text(HEAD + SUN + named + 'NamedMaterial "m"\n' + PLANE)
-    assert parse_file(ramps / "scene.pbrt").shapes[0].relief is not None
+    assert parse_file(ramps / "scene.pbrt").shapes[0].perturbation is not None
 
 
 MIXED = """\
@@ -204,7 +204,7 @@ NamedMaterial "m"
 """
 
 
-def test_each_point_of_a_mix_has_the_relief_of_its_material(ramps: Path) -> None:
+def test_each_point_of_a_mix_has_the_map_of_its_material(ramps: Path) -> None:
     """Of a flat material, one with a normal map and one with a ramp: half, a quarter and a quarter, and
     nothing between them, since the point of a sample is of one material alone.
     """
@@ -246,10 +246,10 @@ def test_bumps_are_those_of_the_raised_surface(kind: str, reverse: bool) -> None
     """
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
     center, radius, side = np.array([0.5, -1.0, 2.0]), 1.5, -1.0 if reverse else 1.0
-    slope = Bump(Bilerp(*np.repeat([[0.0], [0.3], [0.5], [0.8]], 3, axis=1)))
+    slope = BumpMap(Bilerp(*np.repeat([[0.0], [0.3], [0.5], [0.8]], 3, axis=1)))
     ball, plate = Sphere(center, radius, reverse, turn), Disk(center, turn[:, 2] * side, radius, turn)
-    built = build(made([ShapeDescription(ball if kind == "sphere" else plate, GRAY, relief=slope)]))
-    assert built.reliefs is not None
+    built = build(made([ShapeDescription(ball if kind == "sphere" else plate, GRAY, perturbation=slope)]))
+    assert built.perturbations is not None
     assert built.coordinates is not None
 
     def place(u: float, v: float) -> tuple[Array, Array]:
@@ -272,5 +272,5 @@ def test_bumps_are_those_of_the_raised_surface(kind: str, reverse: bool) -> None
         want *= np.sign(want @ n) * side / np.linalg.norm(want)
         at, normal = p[:, None].copy(), (side * n)[:, None]
         uv = built.coordinates.at(at, *face)
-        got = built.reliefs.at(at, normal, uv, np.zeros(1, dtype=np.int64), face)
+        got = built.perturbations.at(at, normal, uv, np.zeros(1, dtype=np.int64), face, normal)
         np.testing.assert_allclose(got[:, 0], want, atol=2e-6)
