@@ -44,7 +44,7 @@ def benchmark(
 ) -> None:
     """Render scenes without alpha, shading normals or glass by this tree and by a commit before these.
 
-    Both trees take turns, each in a process of its own, so that what else the machine does falls on both. The
+    Both trees take turns, each in a process of its own, so that other work on the machine slows both. The
     ratio is of the least processor times; its spread is that of the rounds.
 
     Examples:

@@ -2,7 +2,7 @@
 
     python examples/penumbra_width.py runs/penumbra
 
-The visible fraction of the light, V, is the image over what the same point would reflect without the sheet
+The visible fraction of the light, V, is the image over the radiance of the same point without the sheet
 (Lambert's formula). It runs from 0 to 1 across the shadow; the width is the distance on the floor from where
 V is 5 % to where it is 95 %. An image gives V at each of its pixels on the floor, noisy; the rising curve
 through them is the isotonic least-squares fit [barlow1972].

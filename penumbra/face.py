@@ -46,10 +46,10 @@ def render(
     seed: int | None = None,
     threads: int = 1,
 ) -> Render:
-    """Render the direct light of a scene, a library name or a path among them.
+    """Render the direct light of a scene, which may be given by library name or path.
 
-    Options that are None are the scene's own, and the estimator is else `mis`. PenumbraError where the
-    estimator does not apply.
+    An option that is None takes the scene's own value; the estimator is else `mis`. PenumbraError if the
+    estimator does not apply to the scene.
 
         image = pn.render("soft-shadow", estimator="solid-angle", spp=64)
         plt.imshow(image.image.clip(0, 1))
@@ -79,7 +79,8 @@ def reference(
 ) -> StoredReference:
     """A reference image with the variance of its mean, from the cache or made now.
 
-    target: the relative standard error to go on to. Its `image.mean` is (h, w, 3), its `image.variance` too.
+    target: the relative standard error to reach. `image.mean` and `image.variance` of the result are (h, w,
+    3).
 
         truth = pn.reference("touching-light", backend="closed-form")
         plt.imshow(truth.image.mean.clip(0, 1))
@@ -151,7 +152,7 @@ def check(scene: str | SceneDescription, estimator: str = "mis", **options: Any)
 
 
 def run(sweep: str, out: str | Path, *, workers: int | None = None) -> Summary:
-    """Run a sweep, by built-in name or path of a .toml file; what the folder `out` has is kept.
+    """Run a sweep, given by built-in name or path of a .toml file; results already in `out` are kept.
 
     A script that calls it starts processes, so that it needs `if __name__ == "__main__":`.
 
@@ -162,7 +163,7 @@ def run(sweep: str, out: str | Path, *, workers: int | None = None) -> Summary:
 
 
 def report(folder: str | Path, out: str | Path | None = None) -> Path:
-    """Write the report of a run and answer with the path of its page.
+    """Write the report of a run; returns the path of its page.
 
     webbrowser.open(pn.report("runs/first").as_uri())
     """

@@ -25,8 +25,10 @@ Image = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Render:
-    """A rendered image. result: all that its samples say. stops: how much brighter it is shown; None: middle
-    gray for the median lit pixel.
+    """A rendered image.
+
+    result: the render with the statistics of its samples. stops: the exposure it is shown at; None shows the
+    median lit pixel as middle gray.
 
         plt.imshow(pn.render("soft-shadow").image.clip(0, 1))
     """
@@ -40,12 +42,12 @@ class Render:
 
     @property
     def image(self) -> Image:
-        """(h, w, 3) linear radiance."""
+        """The image (h, w, 3), linear radiance."""
         return self.result.image
 
     @property
     def variance(self) -> Image | None:
-        """(h, w, 3) of the mean; None where the samples do not tell it: one a pixel, or dependent ones."""
+        """The variance (h, w, 3) of the mean; None for one sample a pixel, and for dependent samples."""
         known = SAMPLERS[self.sampler].independent and np.isfinite(self.result.variance).all()
         return self.result.variance if known else None
 
