@@ -29,7 +29,7 @@ from renderer.memory import keep_freed_memory
 from renderer.plan.limits import check
 from renderer.plan.plan import PRUNINGS, RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
-from renderer.shading.directions import specular_light
+from renderer.shading.delta_lobes import dimensions, reflected_light
 from renderer.shading.emission import with_emission_images
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
@@ -246,13 +246,8 @@ def _samples(
     ratio = (np.zeros_like(d), np.zeros_like(d)) if work.ratio else ()
     if not rows.size:
         return emitted, reflected, ratio, 0, RayCounts(d.shape[1])
-    count = work.estimator.dimensions(scene)
-    u = work.sampler.uniform(pixel[rows], sample[rows], first, count)
-    light = work.estimator.estimate(scene, plan, hit, u)
-    if scene.specular and work.estimator.quantity == RADIANCE:
-        light += specular_light(
-            scene, plan, hit, work.sampler.uniform(pixel[rows], sample[rows], first + count, 2)
-        )
+    u = work.sampler.uniform(pixel[rows], sample[rows], first, dimensions(work.estimator, scene))
+    light = reflected_light(work.estimator, scene, plan, hit, u)
     reflected[:, rows] = light.radiance
     for out, part in zip(ratio, light.ratio or (), strict=True):
         out[:, rows] = part

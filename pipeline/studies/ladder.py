@@ -20,6 +20,7 @@ from renderer.interfaces.estimator import ESTIMATORS, RADIANCE
 from renderer.interfaces.sampler import SAMPLERS
 from renderer.plan.plan import RenderPlan, make_plan
 from renderer.records import SurfaceHit
+from renderer.shading.delta_lobes import dimensions, reflected_light
 from scenes.description.materials import Diffuse
 from scenes.description.scene import Film, PerspectiveCamera, SceneDescription
 from scenes.description.shapes import (
@@ -192,9 +193,9 @@ def _samples(
     floor, first, none = (np.full(count, i) for i in (0, 0, -1))
     hit = SurfaceHit(p, n, n, floor, first, none, np.zeros((2, 1)))
     u = SAMPLERS["independent"](seed, count).uniform(
-        np.zeros(count, dtype=np.int64), np.arange(count), 2, ESTIMATORS[estimator].dimensions(built)
+        np.zeros(count, dtype=np.int64), np.arange(count), 2, dimensions(ESTIMATORS[estimator], built)
     )
-    found = ESTIMATORS[estimator].estimate(built, plan, hit, u)
+    found = reflected_light(ESTIMATORS[estimator], built, plan, hit, u)
     if found.ratio is None:
         return found.radiance[1]
     closed, unshadowed = (part[1] for part in found.ratio)

@@ -64,7 +64,10 @@ class Estimator(ABC):
 
     @abstractmethod
     def estimate(self, scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-        """One sample a row. u: (dimensions, n) in [0, 1). A row's bits do not depend on other rows."""
+        """One sample a row, without delta lobes, which `renderer.shading.delta_lobes` adds.
+
+        u: (dimensions, n) in [0, 1). A row's bits do not depend on other rows.
+        """
 
 
 ESTIMATORS: Registry[Estimator] = Registry("estimator", "renderer.estimators")

@@ -1,7 +1,7 @@
 """The protocol of materials: scattering at surfaces in lobes, which may be delta lobes or transmit light.
 
 A smooth or transmissive material touches no estimator: `renderer.shading.bsdf` asks the kinds, and
-`renderer.shading.directions` adds the light of delta lobes to all estimators alike.
+`renderer.shading.delta_lobes` adds the light of delta lobes to all estimators alike.
 """
 
 from __future__ import annotations
@@ -82,6 +82,15 @@ class MaterialKind(Protocol):
     @classmethod
     def examples(cls) -> list[MaterialExample]:
         """Materials of this kind for the contract tests, hard ones among them."""
+        ...
+
+
+@runtime_checkable
+class DeltaLobeSampler(Protocol):
+    """A kind of material that can leave out of its samples all that a delta lobe does not need."""
+
+    def sample_delta_lobes(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
+        """The samples of `sample` for the same u that follow delta lobes; pdf 0 in all other rows."""
         ...
 
 

@@ -128,11 +128,21 @@ class CoatedMaterials(Layers):
         rows = np.flatnonzero(~mirrored)
         some, along = hit.take(rows), wi.take(rows, axis=1)
         value[:, rows], pdf[rows] = self.evaluate(some, along), self.pdf(some, along)
-        wi = np.where(mirrored, 2 * dot(hit.wo, hit.ns) * hit.ns - hit.wo, wi)
+        delta = self._delta_lobe(hit, wo, lobes, mirrored)
+        wi, value = np.where(mirrored, delta.wi, wi), np.where(mirrored, delta.value, value)
+        return BSDFSample(wi, value, np.where(mirrored, delta.pdf, pdf), mirrored)
+
+    def sample_delta_lobes(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
+        wo = _into(self._frame(hit), hit.wo)
+        lobes = _Lobes.at(self, hit, wo)
+        return self._delta_lobe(hit, wo, lobes, lobes.delta & (u[0] < lobes.first))
+
+    def _delta_lobe(self, hit: SurfaceHit, wo: Floats, lobes: _Lobes, chosen: Bools) -> BSDFSample:
+        """The mirror's direction; pdf 0 where its lobe is not the chosen one (n,)."""
+        wi = 2 * dot(hit.wo, hit.ns) * hit.ns - hit.wo
         # f |cos| / pdf is the delta lobe's share of the light, over the chance of choosing it.
-        value = np.where(mirrored, self._mirrored(hit, wo) / np.maximum(wo[2], TINY), value)
-        chance = lobes.first * self.coated[hit.shape]
-        return BSDFSample(wi, value, np.where(mirrored, chance, pdf), mirrored)
+        value = self._mirrored(hit, wo) / np.maximum(wo[2], TINY)
+        return BSDFSample(wi, value, np.where(chosen, lobes.first * self.coated[hit.shape], 0.0), chosen)
 
     def _frame(self, hit: SurfaceHit) -> tuple[Floats, Floats, Floats]:
         if not self.oriented:

@@ -79,22 +79,32 @@ class ConductorMaterials:
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
         """wo mirrored at a normal that it sees; pdf 0 where that leads below the horizon."""
+        mirror = gather(self.alpha, hit.shape) == 0
+        if mirror.all():
+            return self._mirrored(hit)
         normal = Facets.at(hit, self.alpha, self.alpha_v, self.varying).visible_normal(hit.wo, u)
         wi = normal * (2 * dot(hit.wo, normal) / dot(normal, normal))
         wi -= hit.wo
         rough = BSDFSample(wi, self.evaluate(hit, wi), self.pdf(hit, wi))
-        return self._polished(hit, rough) if not self.alpha.all() else rough
+        if not mirror.any():
+            return rough
+        smooth = self._mirrored(hit)
+        return BSDFSample(
+            np.where(mirror, smooth.wi, rough.wi),
+            np.where(mirror, smooth.value, rough.value),
+            np.where(mirror, smooth.pdf, rough.pdf),
+            np.broadcast_to(mirror, rough.pdf.shape),
+        )
 
-    def _polished(self, hit: SurfaceHit, rough: BSDFSample) -> BSDFSample:
-        """The samples, where mirrors get their one direction: f |cos| / pdf is the reflectance."""
-        mirror = gather(self.alpha, hit.shape) == 0
+    def _mirrored(self, hit: SurfaceHit) -> BSDFSample:
+        """The one direction of mirrors, where f |cos| / pdf is the reflectance."""
         mu_o = np.clip(dot(hit.wo, hit.ns), 0.0, 1.0)
         reflected = fresnel(mu_o, gather(self.difference, hit.shape), gather(self.product, hit.shape))
         return BSDFSample(
-            np.where(mirror, 2 * mu_o * hit.ns - hit.wo, rough.wi),
-            np.where(mirror, reflected / np.maximum(mu_o, TINY), rough.value),
-            np.where(mirror, gather(self.metal, hit.shape), rough.pdf),
-            np.broadcast_to(mirror, rough.pdf.shape),
+            2 * mu_o * hit.ns - hit.wo,
+            reflected / np.maximum(mu_o, TINY),
+            np.broadcast_to(gather(self.metal, hit.shape), mu_o.shape),
+            np.ones(mu_o.shape, dtype=np.bool_),
         )
 
     def pdf(self, hit: SurfaceHit, wi: Floats) -> Floats:

@@ -6,11 +6,13 @@ to which a surface scatters nothing, so that no estimator asks for the sign of t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from renderer.build import RenderScene
+from renderer.interfaces.material import DeltaLobeSampler, MaterialKind
 from renderer.math.vectors import Floats, dot
 from renderer.records import BSDFSample, SurfaceHit
 
@@ -34,9 +36,9 @@ def abs_cosine(hit: SurfaceHit, wi: Floats) -> Floats:
 def sample_bsdf(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
     """Directions drawn by the material of each point; pdf 0 for those of delta lobes. u: (2, n) in [0, 1).
 
-    `specular_light` adds the light of delta lobes to every estimate.
+    `renderer.shading.delta_lobes` adds the light of delta lobes to every estimate.
     """
-    sample = _sample(scene, hit, u)
+    sample = _sample(scene, hit, u, _all_lobes)
     if sample.specular is None:
         return sample
     return replace(sample, pdf=np.where(sample.specular, 0.0, sample.pdf))
@@ -44,19 +46,33 @@ def sample_bsdf(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
 
 def sample_delta_lobes(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
     """Directions of delta lobes, drawn as by `sample_bsdf`; pdf 0 for all others."""
-    sample = _sample(scene, hit, u)
+    sample = _sample(scene, hit, u, _delta_lobes)
     specular = False if sample.specular is None else sample.specular
     return replace(sample, pdf=np.where(specular, sample.pdf, 0.0))
 
 
-def _sample(scene: RenderScene, hit: SurfaceHit, u: Floats) -> BSDFSample:
+def _all_lobes(kind: MaterialKind, hit: SurfaceHit, u: Floats) -> BSDFSample:
+    return kind.sample(hit, u)
+
+
+def _delta_lobes(kind: MaterialKind, hit: SurfaceHit, u: Floats) -> BSDFSample:
+    return kind.sample_delta_lobes(hit, u) if isinstance(kind, DeltaLobeSampler) else kind.sample(hit, u)
+
+
+def _sample(
+    scene: RenderScene,
+    hit: SurfaceHit,
+    u: Floats,
+    draw: Callable[[MaterialKind, SurfaceHit, Floats], BSDFSample],
+) -> BSDFSample:
+    """Directions that `draw` takes from the kind of material of each point."""
     hit = hit.of_one_material()
     if len(scene.materials) == 1:
-        return scene.materials[0].sample(hit, u)
+        return draw(scene.materials[0], hit, u)
     wi, value, pdf = np.zeros_like(hit.p), np.zeros_like(hit.p), np.zeros_like(u[0])
     specular = np.zeros_like(u[0], dtype=np.bool_) if scene.specular else None
     for kind, rows in scene.rows_of_materials(hit.shape):
-        part = kind.sample(hit.take(rows), u.take(rows, axis=1))
+        part = draw(kind, hit.take(rows), u.take(rows, axis=1))
         wi[:, rows], value[:, rows], pdf[rows] = part.wi, part.value, part.pdf
         if specular is not None and part.specular is not None:
             specular[rows] = part.specular

@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.interfaces.estimator import Reflected
-from renderer.interfaces.material import Lobes
 from renderer.math.vectors import Floats
 from renderer.plan.plan import RenderPlan
 from renderer.records import BSDFSample, SurfaceHit
-from renderer.shading.bsdf import abs_cosine, sample_delta_lobes
+from renderer.shading.bsdf import abs_cosine
 from renderer.shading.lights import light_along
 from renderer.shading.visibility import Seen, visible
 
@@ -38,19 +37,3 @@ def scattered(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         radiance = sample.value * (le * (weight * abs_cosine(hit, sample.wi) / sample.pdf))
     return visible(scene, plan, hit, seen, useful, radiance)
-
-
-def specular_light(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, u: Floats) -> Reflected:
-    """Light that delta lobes scatter; u (2, n) chooses among the lobes of a point.
-
-    A delta lobe leaves no choice of direction, so that all estimators share this part.
-    """
-    out = np.zeros_like(hit.p)
-    rows = np.flatnonzero(scene.lobes[hit.shape] & Lobes.SPECULAR)
-    if rows.size == 0:
-        return Reflected(out, 0)
-    some = hit.take(rows)
-    sample = sample_delta_lobes(scene, some, u.take(rows, axis=1))
-    part = scattered(scene, plan, some, sample, lights_met(scene, some, sample))
-    out[:, rows] = part.radiance
-    return Reflected(out, part.shadow_rays)

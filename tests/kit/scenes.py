@@ -11,6 +11,7 @@ from renderer.interfaces.estimator import ESTIMATORS, OCCLUSION
 from renderer.interfaces.sampler import SAMPLERS
 from renderer.plan.plan import make_plan, plan_occlusion
 from renderer.records import SurfaceHit
+from renderer.shading.delta_lobes import dimensions, reflected_light
 from renderer.textures import Places
 from scenes.description.lights import Light, PointLight, SpotLight
 from scenes.description.materials import Diffuse
@@ -77,8 +78,8 @@ def reflect(
     # Any triangle of a flat shape will do: it says how far float32 may have moved the surface.
     own = np.full(m * spp, np.flatnonzero(built.triangles.shape == shape)[0]) if built.triangles else none
     hit = SurfaceHit(p, n, n, np.full(m * spp, shape), own, none, np.zeros((2, 1)))
-    u = SAMPLERS[sampler](seed, spp).uniform(pixel, sample, 2, chosen.dimensions(built))
-    samples = chosen.estimate(built, plan, hit, u).radiance.reshape(3, m, spp)
+    u = SAMPLERS[sampler](seed, spp).uniform(pixel, sample, 2, dimensions(chosen, built))
+    samples = reflected_light(chosen, built, plan, hit, u).radiance.reshape(3, m, spp)
     return samples.mean(axis=2).T, samples.std(axis=2, ddof=1).T / np.sqrt(spp)
 
 

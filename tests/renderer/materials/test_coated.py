@@ -344,3 +344,21 @@ def test_walks_are_of_the_point_and_of_both_directions(which: str) -> None:
     else:
         wi = local(0.6, 2.0 + 1e-9)
     assert np.abs(kind.evaluate(seen(wo, p), wi) / first - 1).max() > 1e-5
+
+
+@pytest.mark.parametrize(
+    "base", [GRAY, Conductor(np.full(3, 0.2), np.full(3, 4.0), 0.0)], ids=["gray", "mirror"]
+)
+def test_delta_lobes_drawn_alone_are_those_of_whole_samples(base: Material) -> None:
+    """To the bit, for rows of a smooth coat and of a rough one; the rough one has none."""
+    coats = [shape(Coated(Dielectric(1.5, alpha), base, max_depth=3)) for alpha in (0.0, 0.3)]
+    kind, rng = CoatedMaterials.make(coats), np.random.default_rng(5)
+    hit = seen(local(rng.uniform(0.1, 1.0, 2000), rng.uniform(0, 6, 2000)))
+    hit, u = replace(hit, shape=np.arange(2000) % 2), rng.random((2, 2000))
+    whole, alone = kind.sample(hit, u), kind.sample_delta_lobes(hit, u)
+    rows = np.flatnonzero(whole.specular)
+    assert 200 < rows.size < 1001
+    assert not (rows % 2).any()
+    np.testing.assert_array_equal(np.flatnonzero(alone.pdf), rows)
+    for part in ("wi", "value", "pdf", "specular"):
+        np.testing.assert_array_equal(getattr(alone, part)[..., rows], getattr(whole, part)[..., rows])
