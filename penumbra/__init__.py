@@ -16,11 +16,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from penumbra.face import check, compare, load, reference, render, report, run, verify
+    from penumbra.face import check, compare, judge, load, reference, render, report, run, verify
     from penumbra.shown import Render, Scores
     from scenes.errors import PenumbraError, SceneError
 
-_FACE = ("check", "compare", "load", "reference", "render", "report", "run", "verify")
+_FACE = ("check", "compare", "judge", "load", "reference", "render", "report", "run", "verify")
 _HOMES: dict[str, str] = {
     **dict.fromkeys(_FACE, "penumbra.face"),
     **dict.fromkeys(("Render", "Scores"), "penumbra.shown"),
@@ -34,6 +34,7 @@ __all__ = [
     "Scores",
     "check",
     "compare",
+    "judge",
     "load",
     "reference",
     "render",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from pipeline.schema.sweep import load_sweep
 from pipeline.scoring.metric import Estimate, Reference
 from pipeline.scoring.scores import score
 from pipeline.self_reference import judges_itself
+from pipeline.studies.images import Judgement, judge_images
 from pipeline.studies.verify import Trial, Verification, region_masks
 from pipeline.studies.verify import verify as verify_estimator
 from renderer import build
@@ -105,6 +106,25 @@ def compare(
     """
     found = score(_estimate(image), _truth(truth), metrics)
     return Scores({name: one.score for name, one in found.items()})
+
+
+def judge(
+    images: Image | Render | Sequence[Image | Render],
+    truth: StoredReference | Image,
+    *,
+    alpha: float = 1e-3,
+    bias: float = 0.01,
+) -> Judgement:
+    """Whether images, by any renderer, show a reference's picture; `verdict` and `reason` say how it went.
+
+    images: replicates of other seeds, (h, w, 3) each, or one render. alpha: chance of a false alarm. bias:
+    the relative bias that must have been caught for a verdict of "agrees".
+
+        found = pn.judge([imread(f"seed{i}.exr") for i in range(8)], truth)
+        assert found.verdict == "agrees", found.reason
+    """
+    several = list(images) if isinstance(images, Sequence) else [images]
+    return judge_images([_estimate(image) for image in several], _truth(truth), alpha, bias)
 
 
 def verify(

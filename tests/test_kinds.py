@@ -99,6 +99,7 @@ ENTRIES: Mapping[str, Mapping[str, str]] = {
     },
     "sampler": {
         "pipeline/commands/": DEFAULTS,
+        "pipeline/scoring/files.py": "a key of the metadata in an EXR",
         "pipeline/schema/sweep.py": DEFAULTS,
         "pipeline/self_reference.py": DEFAULTS,
         "pipeline/studies/": DEFAULTS,

@@ -13,9 +13,7 @@ from pipeline.console.options import AsJson, Quiet, definitions
 
 if TYPE_CHECKING:
     from pipeline.schema.record import Score
-    from pipeline.scoring.metric import Better, Estimate, Image, Reference
-
-UNKNOWN_BATCHES = 2  # behind a variance that was given: sampled, from at least so many
+    from pipeline.scoring.metric import Better
 
 
 @command(70, ("compare out.exr reference.exr", "errors with their intervals"))
@@ -62,6 +60,7 @@ def compare(
       penumbra compare theirs.exr pbrt.exr --reference-variance pbrt-variance.exr --json
     """
     from pipeline.console.console import Console
+    from pipeline.scoring.files import read_estimate, read_reference
     from pipeline.scoring.metric import METRICS
     from pipeline.scoring.scores import score
     from scenes.errors import PenumbraError
@@ -73,7 +72,7 @@ def compare(
         raise PenumbraError(f"--limit {unknown[0]}: there is no such metric; there are: {there}")
     names = list(dict.fromkeys([*(metric or METRICS.names()), *limits]))
     entries = {name: METRICS[name] for name in names}
-    estimate, (reference, what) = _estimate(image), _reference(truth, reference_variance)
+    estimate, (reference, what) = read_estimate(image), read_reference(truth, reference_variance)
     scores = {name: found.score for name, found in score(estimate, reference, names).items()}
     console.note(f"{truth}: {what}")
     warnings = _warnings(image, truth)
@@ -119,64 +118,6 @@ def _warnings(image: Path, truth: Path) -> list[str]:
     if known[0].get("verdict") == "untrustworthy":
         out.append(f"the samples of {image} are untrustworthy: its errors may be far larger than these")
     return out
-
-
-def _estimate(path: Path) -> Estimate:
-    """The image under test, with the statistics of its samples if its file has them."""
-    import numpy as np
-
-    from pipeline.scoring.metric import Estimate
-    from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
-
-    if "variance.R" not in read_exr(path).channels:
-        return Estimate(read_rgb(path))
-    stored = read_estimate_exr(path)
-    known = stored.metadata.get("independent") != "False" and bool(np.isfinite(stored.variance).all())
-    return Estimate(stored.mean, stored.variance if known else None, stored.count)
-
-
-def _reference(path: Path, variance: Path | None) -> tuple[Reference, str]:
-    """The reference, and in words the origin of its variance."""
-    import numpy as np
-
-    from pipeline.scoring.metric import Reference
-    from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
-
-    if variance is not None:
-        mean = read_rgb(path)
-        return Reference(
-            mean, _variance(variance, mean), UNKNOWN_BATCHES
-        ), f"its variance is taken from {variance}"
-    if "variance.R" not in read_exr(path).channels:
-        mean = read_rgb(path)
-        return Reference(mean, np.zeros_like(mean), 0), "carries no variance, so that it is taken as exact"
-    stored = read_estimate_exr(path)
-    samples = int(stored.count.min())
-    if stored.metadata.get("independent") == "False" or not np.isfinite(stored.variance).all():
-        return Reference(
-            stored.mean, np.zeros_like(stored.mean), 0
-        ), "does not know its variance; taken as exact"
-    batches = int(stored.metadata.get("batches", samples))
-    known = (
-        f"{samples} spp, variance from {batches} batches"
-        if batches
-        else "deterministic, with a bound on its error"
-    )
-    return Reference(stored.mean, stored.variance, batches), known
-
-
-def _variance(path: Path, mean: Image) -> Image:
-    """The variance of the mean, from a file of its own; PenumbraError if it does not fit the image."""
-    from scenes.errors import PenumbraError
-    from scenes.images.exr import read_estimate_exr, read_exr, read_rgb
-
-    stored = read_estimate_exr(path).variance if "variance.R" in read_exr(path).channels else read_rgb(path)
-    if stored.shape != mean.shape:
-        sizes = " x ".join(map(str, stored.shape[1::-1])), " x ".join(map(str, mean.shape[1::-1]))
-        raise PenumbraError(f"{path}: a variance of {sizes[0]} pixels for a reference of {sizes[1]}")
-    if not (stored >= 0).all():
-        raise PenumbraError(f"{path}: a variance is negative or not a number")
-    return stored
 
 
 def _cells(score: Score, better: Better) -> tuple[str, str, str]:

@@ -113,21 +113,9 @@ def _reference(
 
 
 def _tell(console: Console, scene: str, trial: Trial, found: Verification, stored: StoredReference) -> None:
-    tests = found.tests
-    rows = [
-        (
-            test.name,
-            f"{test.comparisons:,}",
-            f"{test.p:.3g}",
-            f"{test.effect:+.3%}",
-            f"{test.smallest_detectable:.3%}" if test.smallest_detectable < float("inf") else "-",
-            "differs" if test.reject else "agrees",
-        )
-        for test in tests
-    ]
-    console.table(
-        ("test", "comparisons", "p", "worst difference", "bias it would have caught", "result"), rows
-    )
+    from pipeline.console.verdicts import plain_tests, tell_tests
+
+    tell_tests(console, found.tests)
     console.line(f"{scene}, {trial.estimator}: {found.verdict}: {found.reason}")
     image = stored.image
     console.json(
@@ -136,17 +124,7 @@ def _tell(console: Console, scene: str, trial: Trial, found: Verification, store
             "estimator": trial.estimator,
             "verdict": found.verdict,
             "reason": found.reason,
-            "tests": [
-                {
-                    "name": test.name,
-                    "p": test.p,
-                    "effect": test.effect,
-                    "smallest_detectable": test.smallest_detectable,
-                    "comparisons": test.comparisons,
-                    "rejects": test.reject,
-                }
-                for test in tests
-            ],
+            "tests": plain_tests(found.tests),
             "level": found.level,
             "sampler": trial.sampler,
             "spp": trial.spp,

@@ -23,7 +23,7 @@ from scenes.pbrt.parser import parse
 ROOT = Path(__file__).parents[3]
 SMALL = ["-D", "xresolution=24", "-D", "yresolution=18"]
 COMMANDS = (
-    "demo", "run", "report", "render", "reference", "baseline", "compare", "verify", "explain", "export", "convert", "ladder", "agreement", "preview", "list", "doctor",  # noqa: E501
+    "demo", "run", "report", "render", "reference", "baseline", "compare", "test", "verify", "explain", "export", "convert", "ladder", "agreement", "preview", "list", "doctor",  # noqa: E501
 )  # fmt: skip
 
 Answer = tuple[int, str, str]
