@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.camera import Camera, make_camera
 from renderer.geometry.analytic import AnalyticPrimitives
@@ -30,6 +29,7 @@ from renderer.light_sampling.coincident import Coincident, coincident_lights
 from renderer.light_sampling.surroundings import with_one_surroundings
 from renderer.math.vectors import Floats
 from renderer.shading.mixtures import Mixtures, mixtures
+from scenes.arrays import Index, Mask
 from scenes.description.scene import SceneDescription
 from scenes.description.shapes import Bounds, ShapeDescription, boxes, vertex_normals
 from scenes.errors import SceneError
@@ -44,8 +44,8 @@ class Sources:
     """
 
     all: tuple[Source, ...]
-    shape: NDArray[np.int64]
-    of_shape: NDArray[np.int64]
+    shape: Index
+    of_shape: Index
     names: tuple[str, ...]
 
 
@@ -62,14 +62,14 @@ class Lights:
     """
 
     kinds: tuple[LightGroup, ...]
-    source: NDArray[np.int64]
+    source: Index
     pmf: Floats
     cdf: Floats
-    delta: NDArray[np.bool_]
-    primitive: NDArray[np.int64]
-    triangle: NDArray[np.int64]
-    of_primitive: NDArray[np.int64]
-    of_triangle: NDArray[np.int64]
+    delta: Mask
+    primitive: Index
+    triangle: Index
+    of_primitive: Index
+    of_triangle: Index
     environment: tuple[Surroundings, int] | None
     coincident: Coincident | None
 
@@ -102,15 +102,15 @@ class RenderScene:
     materials: tuple[MaterialKind, ...]
     boxes: tuple[Floats, Floats]
     emission: Floats
-    two_sided: NDArray[np.bool_]
+    two_sided: Mask
     emission_images: tuple[tuple[int, Floats], ...]
     coordinates: Coordinates | None
     shading_normals: ShadingNormals | None
     cutouts: Cutouts | None
     perturbations: NormalPerturbations | None
     mixtures: Mixtures | None
-    material_of: NDArray[np.int64]
-    lobes: NDArray[np.int64]
+    material_of: Index
+    lobes: Index
     contact_epsilon: float
     scene_diameter: float
     seconds_build: float
@@ -132,18 +132,18 @@ class RenderScene:
         return bool((self.lobes & Lobes.SPECULAR).any())
 
     @property
-    def transmits(self) -> NDArray[np.bool_]:
+    def transmits(self) -> Mask:
         """(s,): whether a shape lets light through."""
         return (self.lobes & Lobes.TRANSMISSION) != 0
 
     @property
-    def smooth(self) -> NDArray[np.bool_]:
+    def smooth(self) -> Mask:
         """(s,): whether a shape has shading normals of its own."""
         shapes = self.description.shapes
         own = [vertex_normals(s.geometry) is not None or s.perturbs_normals for s in shapes]
         return np.array(own, dtype=np.bool_)
 
-    def rows_of_materials(self, shape: NDArray[np.int64]) -> Iterator[tuple[MaterialKind, NDArray[np.int64]]]:
+    def rows_of_materials(self, shape: Index) -> Iterator[tuple[MaterialKind, Index]]:
         """Each kind of material, with the rows (m,) of a wavefront whose shapes (n,) are of that kind."""
         own = self.material_of[shape]
         for i, kind in enumerate(self.materials):
@@ -281,8 +281,8 @@ def _environment(kinds: Sequence[LightGroup]) -> tuple[Surroundings, int] | None
 
 
 def _primitives(
-    sources: Sources, source: NDArray[np.int64], triangles: Triangles | None, analytic: AnalyticPrimitives
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    sources: Sources, source: Index, triangles: Triangles | None, analytic: AnalyticPrimitives
+) -> tuple[Index, Index]:
     """(K,) each: the analytic primitive and the triangle that each light is.
 
     The j-th light of a shape is its j-th primitive.
@@ -300,7 +300,7 @@ def _primitives(
     return primitive, np.where((shape >= 0) & ~exact, np.searchsorted(triangles.shape, shape) + order, none)
 
 
-def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _inverse(which: Index, count: int) -> Index:
     """(count,): the position of each number in `which` (K,), -1 for a number that is not there."""
     out = np.full(count, -1, dtype=np.int64)
     rows = np.flatnonzero(which >= 0)
@@ -310,7 +310,7 @@ def _inverse(which: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 def _materials(
     rows: Sequence[ShapeDescription], mixed: Mixtures | None
-) -> tuple[tuple[MaterialKind, ...], NDArray[np.int64]]:
+) -> tuple[tuple[MaterialKind, ...], Index]:
     """The kinds of material in use, and the kind of each row by its position among them, -1 for a mix."""
     mixes = {choice.row for choice in mixed.choices} if mixed is not None else frozenset[int]()
     known: dict[int, type[MaterialKind]] = {}  # by material: thousands of shapes share a few
@@ -324,7 +324,7 @@ def _materials(
     return tuple(kind.make(rows) for kind in kinds), np.array(own, dtype=np.int64)
 
 
-def _lobes(shapes: Sequence[ShapeDescription]) -> NDArray[np.int64]:
+def _lobes(shapes: Sequence[ShapeDescription]) -> Index:
     """(s,)."""
     known: dict[int, Lobes] = {}
     for s in shapes:

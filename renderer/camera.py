@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property, singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, combine, dot, normalize
 from renderer.math.warp import concentric_disk
 from renderer.pixel_filter import offsets
 from renderer.spherical.octahedral import around_edges, square_to_sphere
+from scenes.arrays import Index, Mask
 from scenes.description.scene import Camera as CameraDescription
 from scenes.description.scene import Film, OrthographicCamera, PerspectiveCamera, SphericalCamera
 
@@ -45,7 +45,7 @@ class Camera:
         """The number of random numbers that a ray takes: two on the film, two more on a lens."""
         return 2 if self.lens is None else 4
 
-    def rays(self, pixel: NDArray[np.int64], u: Floats) -> tuple[Floats, Floats]:
+    def rays(self, pixel: Index, u: Floats) -> tuple[Floats, Floats]:
         """Origins (3, n), or (3, 1) for a common one, and unit directions (3, n) of rays through pixels.
 
         pixel: (n,) row-major indices. u: (dimensions, n) in [0, 1); the pixel filter places the film point.
@@ -134,7 +134,7 @@ class Camera:
         """Whether a convex hull of points (3, m) may be in view; see `sees_each`."""
         return bool(self.sees_each(points[None])[0])
 
-    def sees_each(self, points: Floats) -> NDArray[np.bool_]:
+    def sees_each(self, points: Floats) -> Mask:
         """(s,) whether convex hulls of points (s, 3, m) may be in view. False is certain: the hull lies
         wholly outside one side of the view.
         """
@@ -170,7 +170,7 @@ class SphericalRays(Camera):
     def eyes(self) -> Floats:
         return self.origin
 
-    def sees_each(self, points: Floats) -> NDArray[np.bool_]:
+    def sees_each(self, points: Floats) -> Mask:
         return np.ones(len(points), dtype=np.bool_)
 
 

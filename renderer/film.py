@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 
 BLOCK = 16
 TAIL = 4096
@@ -31,7 +31,7 @@ class Film:
     w, 3) the largest reflected sample, without light seen directly.
     """
 
-    count: NDArray[np.int64]
+    count: Index
     mean: Floats
     m2: Floats
     maximum: Floats

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, dot
+from scenes.arrays import Index, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,14 @@ class SurfaceHit:
     p: Floats
     n: Floats
     wo: Floats
-    shape: NDArray[np.int64]
-    triangle: NDArray[np.int64]
-    primitive: NDArray[np.int64]
+    shape: Index
+    triangle: Index
+    primitive: Index
     uv: Floats
-    front: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
+    front: Mask = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     tangent: Floats = field(default_factory=lambda: np.zeros((3, 1)))
     shading_n: Floats | None = None
-    material: NDArray[np.int64] | None = None
+    material: Index | None = None
 
     @property
     def ns(self) -> Floats:
@@ -44,7 +44,7 @@ class SurfaceHit:
         """(3, n): the geometric normals on the side of wi (3, n), which transmission turns over."""
         return np.where(dot(wi, self.n) < 0, -self.n, self.n)
 
-    def take(self, rows: NDArray[np.int64]) -> SurfaceHit:
+    def take(self, rows: Index) -> SurfaceHit:
         """The points of some rows (m,)."""
         return SurfaceHit(
             self.p.take(rows, axis=1),
@@ -77,7 +77,7 @@ class BSDFSample:
     wi: Floats
     value: Floats
     pdf: Floats
-    specular: NDArray[np.bool_] | None = None
+    specular: Mask | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class LightSample:
     normal: Floats
     radiance: Floats
     pdf: Floats
-    valid: NDArray[np.bool_]
+    valid: Mask
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from numbers import Integral
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene, build
 from renderer.film import BLOCK, TAIL, Film, PixelSums, RatioSums, keep_largest, luminance
@@ -31,10 +30,9 @@ from renderer.plan.plan import PRUNINGS, RenderPlan, make_plan, plan_occlusion
 from renderer.records import RayCounts, Seconds, SurfaceHit
 from renderer.shading.delta_lobes import dimensions, reflected_light
 from renderer.shading.emission import with_emission_images
+from scenes.arrays import Index
 from scenes.description.scene import SceneDescription
 from scenes.errors import PenumbraError
-
-Integers = NDArray[np.int64]
 
 # Rows of a wavefront. Between two kernels a thread waits for the interpreter: the longer a kernel, the less.
 # Arrays of the most still lie in a shared cache, those of the least in a core's own.
@@ -85,7 +83,7 @@ class RenderJob:
 class _Chunk:
     """Whole pixels with all their samples."""
 
-    pixel: NDArray[np.int64]
+    pixel: Index
     sums: PixelSums | RatioSums
     tail: Floats
     reflected: int
@@ -208,7 +206,7 @@ def _run(
     return chunks
 
 
-def _chunk(work: RenderJob, pixels: NDArray[np.int64]) -> _Chunk:
+def _chunk(work: RenderJob, pixels: Index) -> _Chunk:
     """All samples of some pixels, a block of samples at a time."""
     sums = RatioSums(pixels.size) if work.ratio else PixelSums(pixels.size)
     tail = np.zeros(0)
@@ -233,7 +231,7 @@ def _chunk(work: RenderJob, pixels: NDArray[np.int64]) -> _Chunk:
 
 
 def _samples(
-    work: RenderJob, pixel: NDArray[np.int64], sample: NDArray[np.int64]
+    work: RenderJob, pixel: Index, sample: Index
 ) -> tuple[Floats, Floats, tuple[Floats, ...], int, RayCounts]:
     """One sample a row: emission seen (3, n), reflected light (3, n), the parts of a ratio (3, n), the number
     of points shaded, the rays traced.
@@ -256,7 +254,7 @@ def _samples(
 
 def _first_hits(
     scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats
-) -> tuple[SurfaceHit, Floats, NDArray[np.int64]]:
+) -> tuple[SurfaceHit, Floats, Index]:
     """The points to shade, the emission seen (3, n), and the rows (m,) of these points, at the first hits of
     camera rays from o (3, n) or (3, 1) along d (3, n).
     """
@@ -273,7 +271,7 @@ def _first_hits(
 
 def _nearest(
     scene: RenderScene, plan: RenderPlan, o: Floats, d: Floats, left: SurfaceHit | None = None
-) -> tuple[Floats, Integers, Integers, Integers]:
+) -> tuple[Floats, Index, Index, Index]:
     """First hits of rays from o (3, n) or (3, 1) along d (3, n): distance (n,), inf for none; shape, triangle
     and analytic primitive (n,), -1 for none.
 
@@ -303,7 +301,7 @@ def _go_through(
     cutouts: Cutouts,
     o: Floats,
     d: Floats,
-    found: tuple[Floats, Integers, Integers, Integers],
+    found: tuple[Floats, Index, Index, Index],
 ) -> None:
     """Follow rays through holes to the surfaces behind. Changes `found`, the result of `_nearest`,
     in place.
@@ -330,8 +328,8 @@ def _of_all(
     coincident: Coincident,
     le: Floats,
     cosine: Floats,
-    primitive: NDArray[np.int64],
-    triangle: NDArray[np.int64],
+    primitive: Index,
+    triangle: Index,
 ) -> Floats:
     """Le (3, n) of the lights that rays meet, together with the lights that share their place."""
     lights, out = scene.lights, le.copy()
@@ -344,7 +342,7 @@ def _of_all(
     return out
 
 
-def _from(o: Floats, rows: NDArray[np.int64]) -> Floats:
+def _from(o: Floats, rows: Index) -> Floats:
     """The origins of the rays `rows`, (3, m), or (3, 1) where all share one."""
     return o if o.shape[1] == 1 else o.take(rows, axis=1)
 
@@ -354,9 +352,9 @@ def _emission(
     o: Floats,
     d: Floats,
     t: Floats,
-    shape: NDArray[np.int64],
-    primitive: NDArray[np.int64],
-    triangle: NDArray[np.int64],
+    shape: Index,
+    primitive: Index,
+    triangle: Index,
 ) -> Floats:
     """Radiance (3, n) of the lights that rays from o along d (3, n) see on their emitting side, and of what
     surrounds the scene.
@@ -391,9 +389,9 @@ def _surface(
     scene: RenderScene,
     p: Floats,
     d: Floats,
-    shape: NDArray[np.int64],
-    triangle: NDArray[np.int64],
-    primitive: NDArray[np.int64],
+    shape: Index,
+    triangle: Index,
+    primitive: Index,
 ) -> SurfaceHit:
     """Points near p (3, n), moved onto their surfaces, with normals on the side that rays d (3, n)
     come from.

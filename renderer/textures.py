@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import singledispatch
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.noise import fbm, noise, turbulence
 from renderer.math.vectors import Floats, dot
 from renderer.records import SurfaceHit
 from renderer.spherical.octahedral import wrapped_texels
+from scenes.arrays import Index, Mask
 from scenes.description.textures import (
     Bilerp,
     Checkerboard,
@@ -33,8 +33,6 @@ from scenes.description.textures import (
     UVMapping,
 )
 
-Integers = NDArray[np.int64]
-
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -47,7 +45,7 @@ class Places:
     n: Floats
 
     @staticmethod
-    def of(hit: SurfaceHit, rows: Integers) -> Places:
+    def of(hit: SurfaceHit, rows: Index) -> Places:
         """Some rows (n,) of points on surfaces."""
         uv = hit.uv.take(rows, axis=1) if hit.uv.shape[1] > 1 else np.zeros((2, rows.size))
         return Places(uv, hit.p.take(rows, axis=1), hit.n.take(rows, axis=1))
@@ -116,7 +114,7 @@ def _(texture: Dots, at: Places) -> Floats:
 RADIUS = 0.35  # of a dot, in cells
 
 
-def _in_dot(st: Floats) -> NDArray[np.bool_]:
+def _in_dot(st: Floats) -> Mask:
     """(n,): whether points (2, n) lie in the dot of their cell."""
     cell = np.floor(st + 0.5)
 
@@ -264,7 +262,7 @@ def bilinear(image: Floats, st: Floats, wrap: str) -> Floats:
     return upper * (1.0 - dy) + lower * dy
 
 
-def _texels(image: Floats, row: Integers, column: Integers, wrap: str) -> Floats:
+def _texels(image: Floats, row: Index, column: Index, wrap: str) -> Floats:
     """Texels (3, n), where `wrap` decides on those outside the image: "repeat", "clamp", "black" or
     "octahedralsphere".
     """

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.interfaces.estimator import ESTIMATORS, Estimator, Reflected
@@ -24,6 +23,7 @@ from renderer.shading.bsdf import abs_cosine, bsdf_value, sample_bsdf
 from renderer.shading.directions import lights_met, scattered
 from renderer.shading.lights import sample_discrete, sample_light, supporting_techniques
 from renderer.shading.visibility import Seen, visible
+from scenes.arrays import Mask
 from scenes.description.scene import SceneDescription
 
 # (scene, hit, u (2, n)) -> a direction a row
@@ -59,7 +59,7 @@ class DirectionSampling(Estimator):
         return met + fixed if scene.lights.delta.any() else met
 
 
-def _has_extent(scene: RenderScene) -> NDArray[np.bool_]:
+def _has_extent(scene: RenderScene) -> Mask:
     """(K,): lights that have a shape and are yet never met, since their alpha is 0."""
     return scene.lights.delta & (scene.sources.shape[scene.lights.source] >= 0)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from renderer.geometry import quadrics
 from renderer.geometry.quadrics import sphere_roots
 from renderer.math.vectors import Floats, dot
+from scenes.arrays import Index, Mask
 from scenes.description.shapes import BilinearMesh, Disk, Geometry, Quadric, Sphere, TriangleMesh
 
 RECTANGLE, DISK, SPHERE, TRIANGLE, QUADRIC = 0, 1, 2, 3, 4  # QUADRIC and above: one for each form
@@ -36,7 +37,7 @@ class AnalyticPrimitives:
     """
 
     kind: NDArray[np.int8]
-    shape: NDArray[np.int64]
+    shape: Index
     origin: Floats
     x: Floats
     y: Floats
@@ -54,9 +55,7 @@ class AnalyticPrimitives:
     def __len__(self) -> int:
         return self.shape.size
 
-    def closest(
-        self, among: NDArray[np.int64], o: Floats, d: Floats, own: NDArray[np.int64] | None = None
-    ) -> tuple[Floats, NDArray[np.int64]]:
+    def closest(self, among: Index, o: Floats, d: Floats, own: Index | None = None) -> tuple[Floats, Index]:
         """Nearest hit of rays o (3, n) or (3, 1), d (3, n) with the primitives `among`: its distance (n,),
         inf for none, and its primitive (n,).
 
@@ -78,14 +77,14 @@ class AnalyticPrimitives:
 
     def occluded(
         self,
-        among: NDArray[np.int64],
+        among: Index,
         o: Floats,
         d: Floats,
         tmin: Floats,
         tmax: Floats,
-        own: NDArray[np.int64],
-        goal: NDArray[np.int64],
-    ) -> NDArray[np.bool_]:
+        own: Index,
+        goal: Index,
+    ) -> Mask:
         """(n,): whether a primitive of `among` lies on the ray between tmin and tmax, (n,) each.
 
         own, goal: (n,) the primitives at the start and at the end of the ray, -1 for none. The goal never
@@ -100,7 +99,7 @@ class AnalyticPrimitives:
             blocked |= (hit & (block[:, None] != goal)).any(axis=0)
         return blocked
 
-    def surface(self, which: NDArray[np.int64], p: Floats) -> tuple[Floats, Floats]:
+    def surface(self, which: Index, p: Floats) -> tuple[Floats, Floats]:
         """Points p (3, n) moved onto their primitives, and the unit normals there (3, n)."""
         origin, sphere = self.origin[:, which], self.kind[which] == SPHERE
         away = p - origin
@@ -117,13 +116,13 @@ class AnalyticPrimitives:
             normal[:, rows] = n * self.side[own]
         return out, normal
 
-    def _on_quadric(self, form: str, which: NDArray[np.int64], p: Floats) -> tuple[Floats, Floats]:
+    def _on_quadric(self, form: str, which: Index, p: Floats) -> tuple[Floats, Floats]:
         """Points p (3, n) moved onto quadrics of one form, and the outward unit normals there."""
         axes, local = self.axes(which), self.in_object(which, p)
         moved, normal = quadrics.onto(form, self.part(which), local)
         return p + quadrics.to_world(*axes, moved - local), quadrics.normal_to_world(*axes, normal)
 
-    def quadrics_among(self, which: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.int64]]]:
+    def quadrics_among(self, which: Index) -> Iterator[tuple[str, Index]]:
         """Each form of quadric among primitives (n,), with its rows (m,)."""
         kind = self.kind[which]
         if kind.max(initial=0) >= QUADRIC:
@@ -132,19 +131,19 @@ class AnalyticPrimitives:
                 if rows.size:
                     yield form, rows
 
-    def axes(self, which: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+    def axes(self, which: Index) -> tuple[Floats, Floats, Floats]:
         """The rows x, y and z (3, n) of quadrics (n,)."""
         return self.x.take(which, axis=1), self.y.take(which, axis=1), self.z.take(which, axis=1)
 
-    def in_object(self, which: NDArray[np.int64], p: Floats) -> Floats:
+    def in_object(self, which: Index, p: Floats) -> Floats:
         """Points p (3, n) in the object spaces of quadrics (n,)."""
         return quadrics.to_object(*self.axes(which), p - self.origin.take(which, axis=1))
 
-    def part(self, which: NDArray[np.int64]) -> quadrics.Part:
+    def part(self, which: Index) -> quadrics.Part:
         """The parts of quadrics (n,)."""
         return quadrics.Part(self.radius, self.zmin, self.zmax, self.inner, self.phimax).take(which)
 
-    def _blocks(self, among: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    def _blocks(self, among: Index) -> Iterator[tuple[int, Index]]:
         for kind in range(QUADRIC + len(quadrics.FORMS)):
             members = among[self.kind[among] == kind]
             for start in range(0, members.size, BLOCK):
@@ -153,12 +152,12 @@ class AnalyticPrimitives:
     def _leave(
         self,
         kind: int,
-        block: NDArray[np.int64],
+        block: Index,
         o: Floats,
         d: Floats,
         near: Floats,
         far: Floats,
-        own: NDArray[np.int64],
+        own: Index,
     ) -> tuple[Floats, Floats]:
         """The roots (b, n) with -inf for the surface that the ray leaves, unless it leaves a sphere
         inwards.
@@ -173,7 +172,7 @@ class AnalyticPrimitives:
         # ahead.
         return np.where(leaves, -np.inf, near), np.where(leaves & ~inwards, -np.inf, far)
 
-    def _roots(self, kind: int, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
+    def _roots(self, kind: int, block: Index, o: Floats, d: Floats) -> tuple[Floats, Floats]:
         """Distances (b, n) of the nearer and the farther intersection. NaN and -inf stand for none; a flat
         primitive has only the nearer.
         """
@@ -200,7 +199,7 @@ class AnalyticPrimitives:
         t = np.where(inside, t, -np.inf)
         return t, np.full_like(t, -np.inf)
 
-    def _local(self, block: NDArray[np.int64], o: Floats, d: Floats) -> tuple[Floats, Floats]:
+    def _local(self, block: Index, o: Floats, d: Floats) -> tuple[Floats, Floats]:
         """Origins and directions (3, b, n) of rays in the object spaces of quadrics."""
         x, y, z = self.x[:, block, None], self.y[:, block, None], self.z[:, block, None]
         away = o[:, None, :] - self.origin[:, block, None]

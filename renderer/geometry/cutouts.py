@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.geometry.analytic import AnalyticPrimitives
 from renderer.geometry.primitives import on_surfaces
@@ -20,18 +19,16 @@ from renderer.geometry.uv import Coordinates
 from renderer.math.hashing import hash_vectors, to_unit
 from renderer.math.vectors import Floats, dot
 from renderer.textures import Places, evaluate
+from scenes.arrays import Index, Mask
 from scenes.description.shapes import ShapeDescription
 from scenes.description.textures import Texture
-
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Cutouts:
     """The shapes with an alpha. some: (s,) which they are. alphas: theirs, by shape."""
 
-    some: Bools
+    some: Mask
     alphas: tuple[tuple[int, Texture], ...]
     coordinates: Coordinates | None
 
@@ -41,10 +38,10 @@ class Cutouts:
         d: Floats,
         p: Floats,
         n: Floats,
-        shape: Integers,
-        triangle: Integers,
-        primitive: Integers,
-    ) -> Bools:
+        shape: Index,
+        triangle: Index,
+        primitive: Index,
+    ) -> Mask:
         """(n,): whether rays from o along d (3, n) go through the points p (3, n) of their shapes (n,), with
         normals n (3, n).
         """
@@ -57,7 +54,7 @@ class Cutouts:
                 alpha[rows] = evaluate(texture, at)[0]
         return to_unit(hash_vectors(o, d)) >= alpha
 
-    def _uv(self, p: Floats, triangle: Integers, primitive: Integers, rows: Integers) -> Floats:
+    def _uv(self, p: Floats, triangle: Index, primitive: Index, rows: Index) -> Floats:
         if self.coordinates is None:
             return np.zeros((2, rows.size))
         return self.coordinates.at(p.take(rows, axis=1), triangle[rows], primitive[rows])
@@ -77,18 +74,18 @@ class CutoutBlockers:
 
     cutouts: Cutouts
     triangles: Triangles | None
-    analytic: Integers
+    analytic: Index
     all: AnalyticPrimitives
 
     def occluded(
         self,
         p: Floats,
         n: Floats,
-        triangle: Integers,
-        primitive: Integers,
+        triangle: Index,
+        primitive: Index,
         wi: Floats,
         reach: Floats,
-    ) -> Bools:
+    ) -> Mask:
         """(n,): whether rays wi (3, n) from points p with normals n (3, n), on their side, are stopped within
         the distance `reach` (n,). triangle, primitive: (n,) what the points lie on, -1 for none.
         """
@@ -112,8 +109,8 @@ class CutoutBlockers:
         return out
 
     def _closest(
-        self, p: Floats, n: Floats, triangle: Integers, primitive: Integers, wi: Floats
-    ) -> tuple[Floats, Integers, Integers]:
+        self, p: Floats, n: Floats, triangle: Index, primitive: Index, wi: Floats
+    ) -> tuple[Floats, Index, Index]:
         t, analytic = self.all.closest(self.analytic, p, wi, primitive)
         if self.triangles is None:
             return t, np.full_like(analytic, -1), analytic
@@ -121,7 +118,7 @@ class CutoutBlockers:
         nearer = far < t
         return np.where(nearer, far, t), np.where(nearer, index, -1), np.where(nearer, -1, analytic)
 
-    def _shape(self, triangle: Integers, primitive: Integers) -> Integers:
+    def _shape(self, triangle: Index, primitive: Index) -> Index:
         shape = self.all.shape.take(primitive) if len(self.all) else primitive
         return (
             shape

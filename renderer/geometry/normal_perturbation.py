@@ -12,18 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.geometry.shading_normals import ShadingNormals
 from renderer.geometry.uv import Coordinates
 from renderer.math.vectors import Floats, cross, dot, normalize
 from renderer.textures import Places, bilinear, evaluate
+from scenes.arrays import Index
 from scenes.description.normal_perturbation import BumpMap, NormalMap, NormalPerturbation
 from scenes.description.shapes import ShapeDescription
 
 STEP = 5e-4  # pbrt's in u and v where a ray has no differentials
-
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +39,8 @@ class NormalPerturbations:
         p: Floats,
         n: Floats,
         uv: Floats,
-        shape: Integers,
-        face: tuple[Integers, Integers],
+        shape: Index,
+        face: tuple[Index, Index],
         flat: Floats,
     ) -> Floats:
         """Unit shading normals (3, n) at points p (3, n) of shapes (n,).
@@ -76,7 +74,7 @@ class Frame:
     dndv: Floats
 
     @classmethod
-    def at(cls, normals: NormalPerturbations, p: Floats, n: Floats, face: tuple[Integers, Integers]) -> Frame:
+    def at(cls, normals: NormalPerturbations, p: Floats, n: Floats, face: tuple[Index, Index]) -> Frame:
         dpdu, dpdv, dndu, dndv = normals.coordinates.differentials(p, *face)
         if normals.smooth is not None:
             own, change_u, change_v = normals.smooth.differentials(dpdu, dpdv, *face)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.geometry.analytic import AnalyticPrimitives, join, primitives_of
 from renderer.geometry.triangles import Triangles, make_triangles
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 from scenes.description.patches import refined
 from scenes.description.shapes import BilinearMesh, Mesh, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
@@ -57,8 +57,8 @@ def on_surfaces(
     triangles: Triangles | None,
     analytic: AnalyticPrimitives,
     p: Floats,
-    triangle: NDArray[np.int64],
-    primitive: NDArray[np.int64],
+    triangle: Index,
+    primitive: Index,
 ) -> tuple[Floats, Floats]:
     """Points p (3, n), changed in place, on their surfaces, and the geometric normals (3, n) there.
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, dot
+from scenes.arrays import Mask
 from scenes.description.shapes import Quadric
 
 FORMS = ("sphere", "disk", "cylinder")
@@ -82,9 +83,9 @@ def roots(form: str, part: Part, p: Floats, d: Floats) -> tuple[Floats, Floats]:
         )
 
 
-def _there(form: str, part: Part, p: Floats) -> NDArray[np.bool_]:
+def _there(form: str, part: Part, p: Floats) -> Mask:
     """Whether points of the whole surface lie on the part; False for NaN."""
-    out: NDArray[np.bool_]
+    out: Mask
     if form == "disk":
         square = p[0] * p[0] + p[1] * p[1]
         out = (square <= part.radius * part.radius) & (square >= part.inner * part.inner)
@@ -130,7 +131,7 @@ def onto(form: str, part: Part, p: Floats) -> tuple[Floats, Floats]:
         return p * (part.radius / np.sqrt(dot(p, p))), p
 
 
-def leaves_inwards(form: str, p: Floats, d: Floats) -> NDArray[np.bool_]:
+def leaves_inwards(form: str, p: Floats, d: Floats) -> Mask:
     """Whether rays d from points p on the surface enter its inside, where they may hit it again."""
     if form == "disk":
         return np.zeros(np.broadcast_shapes(p[0].shape, d[0].shape), dtype=np.bool_)

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.geometry.primitives import is_analytic
 from renderer.geometry.uv import affine
 from renderer.math.vectors import Floats, dot
+from scenes.arrays import Index, Mask
 from scenes.description.shapes import Mesh, ShapeDescription, TriangleMesh, vertex_normals
 
 
@@ -27,12 +27,10 @@ class ShadingNormals:
 
     origin: Floats
     along: Floats
-    of_triangle: NDArray[np.int64]
-    of_primitive: NDArray[np.int64]
+    of_triangle: Index
+    of_primitive: Index
 
-    def at(
-        self, p: Floats, n: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
-    ) -> tuple[Floats, NDArray[np.bool_]]:
+    def at(self, p: Floats, n: Floats, triangle: Index, primitive: Index) -> tuple[Floats, Mask]:
         """Unit shading normals (3, n) at points p (3, n), and whether they come from vertex normals (n,).
 
         n: (3, n) the geometric normals, which stand in where the interpolated normal is zero or not finite.
@@ -49,8 +47,8 @@ class ShadingNormals:
         return out, own
 
     def differentials(
-        self, dpdu: Floats, dpdv: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
-    ) -> tuple[NDArray[np.bool_], Floats, Floats]:
+        self, dpdu: Floats, dpdv: Floats, triangle: Index, primitive: Index
+    ) -> tuple[Mask, Floats, Floats]:
         """Whether points have vertex normals (n,), and dn/du and dn/dv (3, n) there. As in pbrt these are
         derivatives of the normal before it is made unit.
         """
@@ -62,7 +60,7 @@ class ShadingNormals:
             change[:, rows] = np.stack([dot(axis.take(face[rows], axis=1), mine) for axis in self.along])
         return face >= 0, dndu, dndv
 
-    def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _face(self, triangle: Index, primitive: Index) -> Index:
         face = np.full(triangle.size, -1, dtype=np.int64)
         for table, row in ((self.of_triangle, triangle), (self.of_primitive, primitive)):
             if table.size:
@@ -76,7 +74,7 @@ def shading_normals(shapes: Sequence[ShapeDescription]) -> ShadingNormals | None
         return None
     corners: list[Floats] = []
     values: list[Floats] = []
-    tables: tuple[list[NDArray[np.int64]], list[NDArray[np.int64]]] = ([], [])
+    tables: tuple[list[Index], list[Index]] = ([], [])
     first = 0
     for s in shapes:
         g, normals, analytic = s.geometry, vertex_normals(s.geometry), is_analytic(s)

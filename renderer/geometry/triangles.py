@@ -18,6 +18,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, cross, dot, gather, normalize
+from scenes.arrays import Index, Mask
 
 ULP = 2.0**-24  # half a unit in the last place of a float32 in [1, 2), relative
 # A corner moves by one ULP of its coordinates, the plane's distance is the sum of three products of such
@@ -40,23 +41,23 @@ class Triangles:
 
     v0: Floats
     normal: Floats
-    shape: NDArray[np.int64]
+    shape: Index
     bound: Floats
     largest: float
     center: Floats
     scale: float
     mesh: tuple[NDArray[np.float32], NDArray[np.int32]]  # all of them, in Embree's units
-    member: NDArray[np.int64]  # those that Embree was given
+    member: Index  # those that Embree was given
     bvh: EmbreeScene
 
-    def only(self, keep: NDArray[np.bool_]) -> Triangles:
+    def only(self, keep: Mask) -> Triangles:
         """The same triangles, where rays meet only those of the mask (t,)."""
         vertices, faces = self.mesh
         return replace(
             self, member=np.flatnonzero(keep), bvh=_bvh(vertices, np.ascontiguousarray(faces[keep]))
         )
 
-    def closest(self, o: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    def closest(self, o: Floats, d: Floats) -> tuple[Floats, Index]:
         """First triangle on each ray: its distance (n,) in float64, inf for none, and its number (n,), -1 for
         none.
 
@@ -72,16 +73,14 @@ class Triangles:
             start = np.broadcast_to(start, d.shape)
         return self._first(o, start, d)
 
-    def closest_from(
-        self, p: Floats, n: Floats, triangle: NDArray[np.int64], wi: Floats
-    ) -> tuple[Floats, NDArray[np.int64]]:
+    def closest_from(self, p: Floats, n: Floats, triangle: Index, wi: Floats) -> tuple[Floats, Index]:
         """First triangle on each ray wi (3, n) that leaves a surface, as `closest` gives it.
 
         p, n: (3, n) points and normals. triangle: (n,) the triangle that a point lies on, -1 for none.
         """
         return self._first(p, self._offset(p, n, self._own(triangle)), wi)
 
-    def _first(self, o: Floats, start: Floats, d: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    def _first(self, o: Floats, start: Floats, d: Floats) -> tuple[Floats, Index]:
         """The hits of rays that start at `start` (3, n) in Embree's units, their distances from o (3, n) or
         (3, 1).
         """
@@ -94,13 +93,11 @@ class Triangles:
         found = (index >= 0) & (t > 0)
         return np.where(found, t, np.inf), np.where(found, index, -1)
 
-    def _own(self, triangle: NDArray[np.int64]) -> Floats:
+    def _own(self, triangle: Index) -> Floats:
         """(n,) the bounds of the triangles (n,) that points lie on, 0 for none."""
         return np.where(triangle >= 0, gather(self.bound, np.maximum(triangle, 0)), 0.0)
 
-    def occluded(
-        self, p: Floats, n: Floats, triangle: NDArray[np.int64], y: Floats, ny: Floats
-    ) -> NDArray[np.bool_]:
+    def occluded(self, p: Floats, n: Floats, triangle: Index, y: Floats, ny: Floats) -> Mask:
         """(n,): whether a triangle lies between points p and points y on lights.
 
         n: (3, n) the normals at p. ny: (3, n) or (3, 1) the lights' normals at y, on the side of p. triangle:
@@ -130,9 +127,7 @@ class Triangles:
         return (p + n * (size * (ROUNDINGS * ULP)) - self.center) * self.scale
 
 
-def make_triangles(
-    vertices: Floats, faces: NDArray[np.int64], shape: NDArray[np.int64], reverse: NDArray[np.bool_]
-) -> Triangles:
+def make_triangles(vertices: Floats, faces: Index, shape: Index, reverse: Mask) -> Triangles:
     """Triangles in float64 with their BVH. vertices: (m, 3). faces: (t, 3). shape, reverse: (t,).
 
     A triangle without area keeps a zero normal and is never hit.

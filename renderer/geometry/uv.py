@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.geometry.analytic import SPHERE, AnalyticPrimitives
 from renderer.geometry.primitives import is_analytic
 from renderer.geometry.quadrics import texture_coordinates, to_world
 from renderer.math.vectors import Floats, cross, dot
+from scenes.arrays import Index
 from scenes.description.materials import is_oriented
 from scenes.description.shapes import Mesh, ShapeDescription
 
@@ -31,13 +31,13 @@ class Coordinates:
 
     origin: Floats
     along: Floats
-    of_triangle: NDArray[np.int64]
-    of_primitive: NDArray[np.int64]
+    of_triangle: Index
+    of_primitive: Index
     frames: Floats
     analytic: AnalyticPrimitives
     oriented: bool
 
-    def at(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
+    def at(self, p: Floats, triangle: Index, primitive: Index) -> Floats:
         """(2, n) coordinates of points p (3, n) on their primitives."""
         face = self._face(triangle, primitive)
         out = np.zeros((2, p.shape[1]))
@@ -51,7 +51,7 @@ class Coordinates:
             out[:, rows] = self._round(p.take(rows, axis=1), primitive[rows])
         return out
 
-    def tangent(self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> Floats:
+    def tangent(self, p: Floats, triangle: Index, primitive: Index) -> Floats:
         """A vector (3, n) along dp/du or against it, of any length, at points p (3, n) on their primitives; 0
         where the coordinates are degenerate.
 
@@ -77,7 +77,7 @@ class Coordinates:
         return out
 
     def differentials(
-        self, p: Floats, triangle: NDArray[np.int64], primitive: NDArray[np.int64]
+        self, p: Floats, triangle: Index, primitive: Index
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """dp/du, dp/dv, dn/du and dn/dv (3, n) of points p (3, n) on faces, whole spheres and whole disks.
 
@@ -108,10 +108,10 @@ class Coordinates:
             dndv[:, rows] = np.where(sphere, dpdv[:, rows] / radius, 0.0)
         return dpdu, dpdv, dndu, dndv
 
-    def _face(self, triangle: NDArray[np.int64], primitive: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _face(self, triangle: Index, primitive: Index) -> Index:
         return np.where(triangle >= 0, _of(self.of_triangle, triangle), _of(self.of_primitive, primitive))
 
-    def _round(self, p: Floats, which: NDArray[np.int64]) -> Floats:
+    def _round(self, p: Floats, which: Index) -> Floats:
         """Coordinates of spheres and disks. On a sphere u is the angle about z and v = 1 - theta/pi; on a
         disk v falls from 1 at the centre to 0 at the rim.
         """
@@ -129,7 +129,7 @@ class Coordinates:
         return out
 
 
-def _of(table: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
+def _of(table: Index, row: Index) -> Index:
     return table[row] if table.size else np.full_like(row, -1)
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.hashing import GOLDEN, WORD, UInt64, mix
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 from scenes.registry import Registry
-
-Integers = NDArray[np.int64]
 
 
 @runtime_checkable
@@ -31,7 +29,7 @@ class Sampler(Protocol):
         """seed: 0 or more. spp: samples a pixel in all; PenumbraError where the sampler does not reach it."""
         ...
 
-    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def uniform(self, pixel: Index, sample: Index, dim: int, count: int) -> Floats:
         """(count, n): dimensions dim .. dim + count - 1, one sample a row. pixel, sample: (n,), sample from
         0.
         """
@@ -41,7 +39,7 @@ class Sampler(Protocol):
 SAMPLERS: Registry[type[Sampler]] = Registry("sampler", "renderer.samplers")
 
 
-def key(seed: int, pixel: Integers) -> UInt64:
+def key(seed: int, pixel: Index) -> UInt64:
     """A 64-bit key (n,) for each pixel of a seed."""
     start = mix(np.array([seed & WORD], dtype=np.uint64) + np.uint64(GOLDEN))
     return mix(mix(pixel.astype(np.uint64) + np.uint64(1)) + start)

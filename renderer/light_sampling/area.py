@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.light import Index, Source
 from renderer.math.vectors import Floats, dot, gather, normalize
 from renderer.records import LightSample
+from scenes.arrays import Mask
 from scenes.description.shapes import Geometry, ShapeDescription
 
 G = TypeVar("G", bound=Geometry)
@@ -41,9 +41,9 @@ class Emitters:
     """Emission of area lights. radiance: (3, k). two_sided: (k,) bool."""
 
     radiance: Floats
-    two_sided: NDArray[np.bool_]
+    two_sided: Mask
 
-    def emits(self, index: Index, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, cos_light: Floats) -> Mask:
         """(n,): whether a surface point sends light to its side at cos_light (n,), the cosine with the
         emitting normal.
         """
@@ -83,7 +83,7 @@ class Surface(Protocol):
         """(k,) areas."""
         ...
 
-    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> Mask:
         """(n,): whether a surface point sends light to ref_p past the rest of its own surface."""
         ...
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
+from scenes.arrays import Index, Mask
 from scenes.description.coincidence import coinciding
 from scenes.description.shapes import ShapeDescription
 from scenes.errors import SceneError
@@ -24,13 +24,13 @@ class Coincident:
     to be chosen, so that they share one density.
     """
 
-    first: NDArray[np.int64]
+    first: Index
     front: Floats
     back: Floats
-    by_front: NDArray[np.int64]
-    by_back: NDArray[np.int64]
+    by_front: Index
+    by_back: Index
 
-    def seen(self, light: NDArray[np.int64], cosine: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def seen(self, light: Index, cosine: Floats) -> tuple[Index, Floats]:
         """The light (n,) that a ray sees where it meets lights (n,) at these cosines, and the radiance (3, n)
         of all lights in that place. cosine: (n,) of the ray with the normal of the light that it meets.
         """
@@ -42,14 +42,12 @@ class Coincident:
         """(K,): the mean of values (K,) over the lights of each place."""
         return (np.bincount(self.first, values) / np.maximum(np.bincount(self.first), 1))[self.first]
 
-    def shared(self, light: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def shared(self, light: Index) -> Mask:
         """(n,): whether lights (n,) share their places with others."""
         return np.bincount(self.first, minlength=self.first.size)[self.first[light]] > 1
 
 
-def coincident_lights(
-    shapes: Sequence[ShapeDescription], source: NDArray[np.int64], of_shape: NDArray[np.bool_]
-) -> Coincident | None:
+def coincident_lights(shapes: Sequence[ShapeDescription], source: Index, of_shape: Mask) -> Coincident | None:
     """The lights that share a place, of K lights in all; None where there are none.
 
     shapes: the first sources. source: (K,) the source of each light. of_shape: (K,) whether that is a shape.

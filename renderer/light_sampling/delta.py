@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.light import DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.math.vectors import Floats, dot
 from renderer.records import LightSample
+from scenes.arrays import Mask
 from scenes.description.lights import Light
 from scenes.errors import Location, SceneError
 
@@ -132,7 +132,7 @@ def light_axes(frame: Floats, what: str, where: Location | None) -> Floats:
     return frame
 
 
-def _arrives(wi: Floats, irradiance: Floats) -> NDArray[np.bool_]:
+def _arrives(wi: Floats, irradiance: Floats) -> Mask:
     """(n,): whether light arrives: a direction, and a finite amount above 0."""
     r, g, b = irradiance
     # Adding might overflow what is finite.

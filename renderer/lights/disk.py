@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.light_sampling.area import AreaSampling, Emitters, geometries, receivers
@@ -19,6 +18,7 @@ from renderer.math.warp import concentric_disk
 from renderer.records import LightSample
 from renderer.spherical.disk import DiskView, disk_view, sample, solid_angle
 from renderer.spherical.disk_irradiance import disk_irradiance
+from scenes.arrays import Mask
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import Disk, Emission, ShapeDescription
 
@@ -80,7 +80,7 @@ class DiskLights:
         frame = _Frame(np.where(away, x, 1.0) / scale, y / scale, np.sign(height), np.abs(height))
         return disk_view(frame.height, offset, gather(self.radius, index)), frame
 
-    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> Mask:
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:

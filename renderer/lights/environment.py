@@ -29,6 +29,7 @@ from renderer.math.vectors import Floats, combine, dot, gather
 from renderer.math.warp import uniform_hemisphere, uniform_sphere
 from renderer.records import LightSample
 from renderer.spherical.grid import SphereGrid
+from scenes.arrays import Mask
 from scenes.description.lights import Environment
 from scenes.errors import SceneError
 
@@ -73,8 +74,8 @@ class EnvironmentLights:
 
     parts: Parts
     frame: Floats
-    hemisphere: NDArray[np.bool_]
-    constant: NDArray[np.bool_]
+    hemisphere: Mask
+    constant: Mask
     grid: SphereGrid
     radiance: Floats
     plain: TexelDensity
@@ -155,7 +156,7 @@ class EnvironmentLights:
         frame = gather(self.frame, index)
         return combine((frame[:, 0], frame[:, 1], frame[:, 2]), *w)
 
-    def lit(self, index: Index, w: Floats) -> NDArray[np.bool_]:
+    def lit(self, index: Index, w: Floats) -> Mask:
         """(n,): whether the light extends to w (3, n) in its own axes. A hemisphere leaves z = 0 out."""
         return ~self.hemisphere.take(index) | (w[2] > 0)
 

@@ -23,10 +23,9 @@ from renderer.math.vectors import Floats, combine, cross, dot, gather
 from renderer.records import LightSample
 from renderer.spherical.octahedral import bilinear_on_sphere
 from renderer.spherical.rectangle import invert, solid_angle
+from scenes.arrays import Mask
 from scenes.description.lights import Environment, PortalLight
 from scenes.errors import SceneError
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +111,7 @@ class PortalLights:
         wi = combine((frame[:, 0], frame[:, 1], frame[:, 2]), x * z, y * z, z)
         return wi, _stretch(x * z, y * z, z)
 
-    def window(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Bools]:
+    def window(self, index: Index, ref_p: Floats) -> tuple[Floats, Floats, Mask]:
         """Low and high ends (2, n) in (u, v) of the portal as seen from points, and whether it faces them
         (n,).
         """

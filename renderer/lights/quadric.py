@@ -22,6 +22,7 @@ from renderer.lights.disk import DiskLights, DiskSolidAngle
 from renderer.lights.sphere import SphereLights, SphereSolidAngle
 from renderer.math.vectors import Floats, dot, gather, normalize
 from renderer.records import LightSample
+from scenes.arrays import Mask
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import Disk, Emission, Quadric, ShapeDescription, Sphere
 from scenes.errors import SceneError
@@ -77,7 +78,7 @@ class QuadricLights:
             normal[:, rows] = quadrics.normal_to_world(*axes, n) * self.surface.side.take(own)
         return p, normal
 
-    def emits(self, index: Index, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, cos_light: Floats) -> Mask:
         """(n,): whether a light sends light from its side of cos_light (n,)."""
         return self.emitters.emits(index, cos_light)
 

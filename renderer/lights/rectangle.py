@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.light_sampling.area import AreaSampling, Emitters, receivers
@@ -16,6 +15,7 @@ from renderer.light_sampling.polygon import ProjectedSolidAngle, irradiance
 from renderer.math.vectors import Floats, combine, cross, dot, gather, normalize
 from renderer.records import LightSample
 from renderer.spherical.rectangle import invert, solid_angle
+from scenes.arrays import Mask
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import BilinearMesh, Emission, ShapeDescription
 from scenes.errors import SceneError
@@ -78,7 +78,7 @@ class RectangleLights:
         x, y = gather(self.x * self.lx, index), gather(self.y * self.ly, index)
         return gather(self.corner, index) - p, np.stack([x, x + y, y], axis=1)
 
-    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> Mask:
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.light_sampling.area import AreaSampling, Emitters, geometries, receivers
@@ -20,6 +19,7 @@ from renderer.math.vectors import Floats, combine, dot, frame_about, gather
 from renderer.math.warp import uniform_sphere
 from renderer.records import LightSample
 from renderer.spherical.disk_irradiance import sphere_irradiance
+from scenes.arrays import Mask
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import Emission, ShapeDescription, Sphere
 
@@ -65,7 +65,7 @@ class SphereLights:
         emits = self.emitters.emits(index, cone.sign * gather(self.side, index))
         return gather(self.emitters.radiance, index) * np.where(emits, e, 0.0)
 
-    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> Mask:
         """(n,): whether a point sends light to ref_p. From outside, the near half hides the far half, so that
         only the outer side counts.
         """
@@ -119,7 +119,7 @@ class Cone:
     axis: Floats
     dist: Floats
     power: Floats
-    outside: NDArray[np.bool_]
+    outside: Mask
     sign: Floats
     sine: Floats
     cosine: Floats

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Index, LightExample, LightKind, Parts, Source
 from renderer.light_sampling.area import AreaSampling, Emitters
@@ -20,6 +19,7 @@ from renderer.math.vectors import Floats, cross, dot, gather, normalize
 from renderer.math.warp import uniform_triangle
 from renderer.records import LightSample
 from renderer.spherical.triangle import sample, solid_angle
+from scenes.arrays import Mask
 from scenes.description.materials import Diffuse
 from scenes.description.shapes import Emission, ShapeDescription, TriangleMesh
 from scenes.errors import SceneError
@@ -70,7 +70,7 @@ class TriangleLights:
     def corners(self, index: Index, p: Floats) -> tuple[Floats, Floats]:
         return gather(self.corner, index) - p, gather(self.edges, index)
 
-    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> NDArray[np.bool_]:
+    def emits(self, index: Index, ref_p: Floats, cos_light: Floats) -> Mask:
         return self.emitters.emits(index, cos_light)
 
     def intersect(self, index: Index, origin: Floats, wi: Floats) -> tuple[Floats, Floats]:

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.interfaces.material import MATERIALS, Lobes, MaterialExample, MaterialKind, material_kind
 from renderer.math.hashing import hash_vectors
@@ -22,12 +21,10 @@ from renderer.math.warp import cosine_hemisphere
 from renderer.records import BSDFSample, SurfaceHit
 from renderer.shading.layered_walk import THINNEST, Coat, Layer, Layers, Walks, X, Z, transmittance
 from renderer.shading.microfacets import TINY, Facets, alphas_across, fresnel_dielectric
+from scenes.arrays import Index, Mask
 from scenes.description.materials import Coated, Conductor, Dielectric, Diffuse, is_oriented
 from scenes.description.shapes import ShapeDescription, Sphere
 from scenes.description.textures import Texture, mean
-
-Rows = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +37,9 @@ class CoatedMaterials(Layers):
     matters anywhere.
     """
 
-    coated: Bools
+    coated: Mask
     bases: tuple[MaterialKind, ...]
-    base_of: Rows
+    base_of: Index
     base_alpha: Floats
     base_albedo: Floats
     oriented: bool
@@ -137,7 +134,7 @@ class CoatedMaterials(Layers):
         lobes = _Lobes.at(self, hit, wo)
         return self._delta_lobe(hit, wo, lobes, lobes.delta & (u[0] < lobes.first))
 
-    def _delta_lobe(self, hit: SurfaceHit, wo: Floats, lobes: _Lobes, chosen: Bools) -> BSDFSample:
+    def _delta_lobe(self, hit: SurfaceHit, wo: Floats, lobes: _Lobes, chosen: Mask) -> BSDFSample:
         """The mirror's direction; pdf 0 where its lobe is not the chosen one (n,)."""
         wi = 2 * dot(hit.wo, hit.ns) * hit.ns - hit.wo
         # f |cos| / pdf is the delta lobe's share of the light, over the chance of choosing it.
@@ -229,7 +226,7 @@ class _Lobes:
     base: Facets
     first: Floats
     second: Floats
-    delta: Bools
+    delta: Mask
 
     @classmethod
     def at(cls, kind: CoatedMaterials, hit: SurfaceHit, wo: Floats) -> _Lobes:
@@ -262,7 +259,7 @@ class _Lobes:
             self.second > 0, self.second * self.base.distribution(low + high)[0] / seen * jacobian, 0.0
         )
 
-    def sample(self, wo: Floats, u: Floats) -> tuple[Floats, Bools]:
+    def sample(self, wo: Floats, u: Floats) -> tuple[Floats, Mask]:
         """Directions (3, n), and whether they are the delta lobe's."""
         n = wo.shape[1]
         edge = self.first + self.second

@@ -6,11 +6,9 @@ pbrt leaves out octaves finer than a pixel. Here all of them count, and the samp
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
-
-Integers = NDArray[np.int64]
+from scenes.arrays import Index
 
 LACUNARITY = 1.99
 CALM = 0.2  # what pbrt takes for the mean of |noise|
@@ -43,7 +41,7 @@ def noise(p: Floats) -> Floats:
     return out
 
 
-def _gradient(x: Integers, y: Integers, z: Integers, dx: Floats, dy: Floats, dz: Floats) -> Floats:
+def _gradient(x: Index, y: Index, z: Index, dx: Floats, dy: Floats, dz: Floats) -> Floats:
     """The offset (n,) along one of twelve directions, towards the middles of a cube's edges, chosen by a hash
     of the lattice point.
     """

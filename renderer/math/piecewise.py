@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
+from scenes.arrays import Index, Mask
 
 Integers = NDArray[np.integer]
 BELOW_ONE = 1.0 - 2.0**-53
@@ -43,8 +44,8 @@ class PiecewiseConstant2D:
 
     marginal: Floats
     conditional: Floats
-    first: NDArray[np.int64]
-    empty: NDArray[np.bool_]
+    first: Index
+    empty: Mask
 
     @staticmethod
     def of(weights: Sequence[Floats]) -> PiecewiseConstant2D:
@@ -115,7 +116,7 @@ def _cumulative(weights: Floats, stride: int) -> Floats:
     return out
 
 
-def _search(sums: Floats, line: Integers, u: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _search(sums: Floats, line: Integers, u: Floats) -> tuple[Index, Floats]:
     """The cell (n,) with sums[cell] <= u < sums[cell + 1] in each row's line, and the place of u in it, in
     [0, 1).
 
@@ -154,10 +155,10 @@ class WindowedPiecewiseConstant2D:
     bilinear interpolation of it is exact everywhere [pharr2023, sec. A.5.7].
     """
 
-    size: NDArray[np.int64]
-    first: NDArray[np.int64]
+    size: Index
+    first: Index
     value: Floats
-    corner: NDArray[np.int64]
+    corner: Index
     below: Floats
 
     @staticmethod
@@ -206,7 +207,7 @@ class WindowedPiecewiseConstant2D:
         size = self.size.take(index)
         column, row = np.minimum((place * size).astype(np.int64), size - 1)
         whole = self._integral(index, low[0], high[0], low[1], high[1])
-        cell: NDArray[np.int64] = self.first.take(index) + row * size + column
+        cell: Index = self.first.take(index) + row * size + column
         value = self.value.take(cell)
         return np.divide(value, whole, out=np.zeros_like(value), where=whole > 0)
 
@@ -226,7 +227,7 @@ class WindowedPiecewiseConstant2D:
         return top * (1.0 - down) + bottom * down
 
 
-def _cell_of(v: Floats, size: Integers) -> tuple[NDArray[np.int64], Floats]:
+def _cell_of(v: Floats, size: Integers) -> tuple[Index, Floats]:
     """The cell (n,) of coordinates in [0, 1], and their place in it, in [0, 1]."""
     cell = np.minimum((v * size).astype(np.int64), size - 1)
     return cell, v * size - cell

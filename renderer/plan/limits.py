@@ -40,6 +40,7 @@ def _check_pair(scene: RenderScene, e: Extents, receiver: int, source: int, boun
         shape = scene.description.shapes[receiver]
         where = f" ({shape.where})" if shape.where else ""
         raise PenumbraError(
-            f"light {scene.sources.names[source]} is {apart:.2g} from a surface{where} that it lights, with triangles that may "  # noqa: E501
-            f"lie in between: shadow rays need {bound:.2g}; move it, or take away what is in between"
+            f"light {scene.sources.names[source]} is {apart:.2g} from a surface{where} that it lights, "
+            f"with triangles that may lie in between: shadow rays need {bound:.2g}; "
+            "move it, or take away what is in between"
         )

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.geometry.cutouts import CutoutBlockers
@@ -26,15 +25,15 @@ from renderer.interfaces.material import Lobes
 from renderer.math.vectors import Floats
 from renderer.plan.proofs import blocks, crosses, extents, provable, reach
 from renderer.records import SurfaceHit
+from scenes.arrays import Index, Mask
 from scenes.description.materials import MixedMaterial
 from scenes.description.shapes import ShapeDescription
 
 PRUNINGS = ("emission", "reach", "occlusion", "blockers", "horizon")
 
-Bools = NDArray[np.bool_]
 # Told of samples: points, wi (3, n), the distance to what they would see (n,), and whether they were of use
 # at all and hidden, (n,).
-Witness = Callable[[SurfaceHit, Floats, Floats, Bools, Bools], None]
+Witness = Callable[[SurfaceHit, Floats, Floats, Mask, Mask], None]
 
 
 @dataclass(frozen=True)
@@ -58,13 +57,13 @@ class RenderPlan:
     every sample, for pictures of what an estimator does; None in every render.
     """
 
-    in_view: NDArray[np.int64]
-    receivers: Bools
-    shadow: Bools
+    in_view: Index
+    receivers: Mask
+    shadow: Mask
     horizon: bool
     emits: bool
     shadow_triangles: Triangles | None
-    shadow_analytic: NDArray[np.int64]
+    shadow_analytic: Index
     shadow_cutouts: CutoutBlockers | None
     decisions: tuple[Decision, ...]
     seconds: float
@@ -136,15 +135,15 @@ class _Proofs:
     shapes that may shade the light of each source.
     """
 
-    reach: Bools
-    lit: Bools
-    shadow: Bools
-    blockers: Bools
-    between: NDArray[np.int64]
+    reach: Mask
+    lit: Mask
+    shadow: Mask
+    blockers: Mask
+    between: Index
     crosses: bool
 
 
-def _proved(scene: RenderScene, black: Bools) -> _Proofs:
+def _proved(scene: RenderScene, black: Mask) -> _Proofs:
     """The effects that the proofs leave; every effect in a scene that is too large to prove."""
     count, sources = len(scene), len(scene.sources.all)
     if not provable(scene):
@@ -159,8 +158,8 @@ def _proved(scene: RenderScene, black: Bools) -> _Proofs:
     between &= (lit[:, None] & reached)[:, :, None]
     crossing = bool((crosses(scene, e) & lit[:, None]).any())
     counts = between.any(axis=0).sum(axis=1)
-    shadow: Bools = np.asarray(between.any(axis=2))
-    blockers: Bools = np.asarray(between.any(axis=(0, 1)))
+    shadow: Mask = np.asarray(between.any(axis=2))
+    blockers: Mask = np.asarray(between.any(axis=(0, 1)))
     return _Proofs(reached, lit, shadow, blockers, counts, crossing)
 
 
@@ -168,7 +167,7 @@ def _sources(scene: RenderScene) -> Iterable[tuple[Source, int]]:
     return zip(scene.sources.all, scene.sources.shape, strict=True)
 
 
-def _seen(source: Source, visible: Bools, shape: int) -> bool:
+def _seen(source: Source, visible: Mask, shape: int) -> bool:
     """Whether a camera ray may meet a light: never one without extent, always one that surrounds
     the scene.
     """
@@ -183,8 +182,8 @@ def _corners(scene: RenderScene) -> Floats:
 
 
 def _shadow_casters(
-    scene: RenderScene, shades: Bools
-) -> tuple[Triangles | None, NDArray[np.int64], CutoutBlockers | None]:
+    scene: RenderScene, shades: Mask
+) -> tuple[Triangles | None, Index, CutoutBlockers | None]:
     """The blockers among shapes (s,): triangles and analytic primitives without an alpha, and those
     with one.
     """
@@ -197,7 +196,7 @@ def _shadow_casters(
     return *_members(scene, shades & ~scene.cutouts.some), shadow_cutouts
 
 
-def _members(scene: RenderScene, some: Bools) -> tuple[Triangles | None, NDArray[np.int64]]:
+def _members(scene: RenderScene, some: Mask) -> tuple[Triangles | None, Index]:
     """The triangles and the analytic primitives of some shapes (s,)."""
     triangles = scene.triangles
     if triangles is not None:
@@ -206,13 +205,13 @@ def _members(scene: RenderScene, some: Bools) -> tuple[Triangles | None, NDArray
     return triangles, np.flatnonzero(some[scene.analytic.shape])
 
 
-def _emission(scene: RenderScene, seen: Bools) -> Decision:
+def _emission(scene: RenderScene, seen: Mask) -> Decision:
     names = [n for n, s in zip(scene.sources.names, seen, strict=True) if s]
     reason = f"may be seen: {', '.join(names)}" if names else "every light lies outside the view frustum"
     return Decision("lights seen by the camera", bool(names), reason, "emission")
 
 
-def _receivers(black: Bools, reach: Bools) -> Decision:
+def _receivers(black: Mask, reach: Mask) -> Decision:
     dark = ~reach.any(axis=1) & ~black
     reason = (
         f"of {black.size} shapes {int(dark.sum())} are out of reach of all lights and "
@@ -231,7 +230,7 @@ def _occlusion(scene: RenderScene, proved: _Proofs) -> list[Decision]:
     return out
 
 
-def _blockers(blockers: Bools) -> Decision:
+def _blockers(blockers: Mask) -> Decision:
     idle = int((~blockers).sum())
     reason = f"{idle} of {blockers.size} shapes never lie between a receiver and a light"
     return Decision("all shapes in shadow tests", idle == 0, reason, "blockers")

@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.geometry.primitives import TOLERANCE
 from renderer.interfaces.light import Source
 from renderer.math.vectors import Floats
+from scenes.arrays import Index, Mask
 from scenes.description.shapes import ShapeDescription
 
-Bools = NDArray[np.bool_]
 # A distant light whose direction makes less with a plane may pass along it, as far as these proofs are
 # concerned.
 ALONG = 1e-6
@@ -46,9 +45,9 @@ class Extents:
     high: Floats
     light_low: Floats
     light_high: Floats
-    plane: NDArray[np.int64]
+    plane: Index
     camera: Floats
-    both_sides: Bools
+    both_sides: Mask
     tolerance: float
 
 
@@ -88,7 +87,7 @@ def _lamp(source: Source, low: Floats, high: Floats, normals: Floats, shape: int
     return np.full(len(normals), -np.inf), np.full(len(normals), np.inf)
 
 
-def _faces_camera(e: Extents) -> NDArray[np.int64]:
+def _faces_camera(e: Extents) -> Index:
     """(s,) 1 or -1: the only side of its plane on which a flat shape is seen and lit. 0 if it is not flat, is
     seen edge-on, or may be lit from both sides.
     """
@@ -108,12 +107,12 @@ def _one_sided_plane(scene: RenderScene, e: Extents, source: int) -> int:
     return int(e.plane[shape]) if one_sided else -1
 
 
-def reach(scene: RenderScene, e: Extents) -> Bools:
+def reach(scene: RenderScene, e: Extents) -> Mask:
     """(s, q): whether light may reach a shape. False where the shape lies behind a one-sided flat light, or
     its visible side faces away from all of the light.
     """
     side = _faces_camera(e)
-    columns: list[Bools] = []
+    columns: list[Mask] = []
     for source in range(len(scene.sources.all)):
         rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)
         away_up = (side > 0) & (e.light_high[rows, source] < e.low[rows, own] - e.tolerance)
@@ -128,13 +127,13 @@ def reach(scene: RenderScene, e: Extents) -> Bools:
     return np.stack(columns, axis=1)
 
 
-def blocks(scene: RenderScene, e: Extents) -> Bools:
+def blocks(scene: RenderScene, e: Extents) -> Mask:
     """(s, q, s): whether a shape may lie between a receiver and a light; False only where a plane separates
     them.
     """
     side = _faces_camera(e)
     count = e.plane.size
-    out: list[Bools] = []
+    out: list[Mask] = []
     for source, shape in enumerate(scene.sources.shape):
         apart = np.zeros((count, count), dtype=np.bool_)
         for low, high, lamp in ((e.low, e.high, e.light_low), (-e.high, -e.low, -e.light_high)):
@@ -154,7 +153,7 @@ def blocks(scene: RenderScene, e: Extents) -> Bools:
     return np.stack(out, axis=1)
 
 
-def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
+def _behind_receiver(e: Extents, side: Index) -> Mask:
     """(s, s): whether a blocker lies wholly behind the visible side of a flat receiver; a flat receiver does
     not hide itself either.
     """
@@ -166,7 +165,7 @@ def _behind_receiver(e: Extents, side: NDArray[np.int64]) -> Bools:
     return out
 
 
-def crosses(scene: RenderScene, e: Extents) -> Bools:
+def crosses(scene: RenderScene, e: Extents) -> Mask:
     """(s, q): whether part of a light may lie below the horizon of a point on a receiver's visible side."""
     side = _faces_camera(e)
     rows, own = np.maximum(e.plane, 0), np.arange(e.plane.size)

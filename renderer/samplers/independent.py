@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from renderer.interfaces.sampler import SAMPLERS, Integers, key
+from renderer.interfaces.sampler import SAMPLERS, key
 from renderer.math.hashing import mix, stream
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 
 SAMPLE_STRIDE = np.uint64(0xD1B54A32D192ED03)  # odd, so that distinct samples have distinct counters
 
@@ -25,7 +26,7 @@ class Independent:
     independent: ClassVar[bool] = True
     prefix: ClassVar[bool] = True
 
-    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def uniform(self, pixel: Index, sample: Index, dim: int, count: int) -> Floats:
         state = mix(key(self.seed, pixel) + sample.astype(np.uint64) * SAMPLE_STRIDE)
         return stream(state, dim, count)
 

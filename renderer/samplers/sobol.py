@@ -18,9 +18,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.sampler import SAMPLERS, Integers, key
+from renderer.interfaces.sampler import SAMPLERS, key
 from renderer.math.hashing import GOLDEN, UInt64, mix
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 
 BITS = 32
 UInt32 = NDArray[np.uint32]
@@ -82,7 +83,7 @@ class Sobol:
     independent: ClassVar[bool] = False
     prefix: ClassVar[bool] = True
 
-    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def uniform(self, pixel: Index, sample: Index, dim: int, count: int) -> Floats:
         out = np.zeros((count, pixel.size))
         keys, reversed_sample = key(self.seed, pixel), reverse_bits(sample.astype(np.uint32))
         for pair in range(dim // 2, (dim + count - 1) // 2 + 1 if count else 0):

@@ -13,9 +13,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.interfaces.sampler import SAMPLERS, Integers, key
+from renderer.interfaces.sampler import SAMPLERS, key
 from renderer.math.hashing import GOLDEN, UInt64, mix
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 
 UInt32 = NDArray[np.uint32]
 
@@ -68,7 +69,7 @@ class Stratified:
     independent: ClassVar[bool] = False
     prefix: ClassVar[bool] = False
 
-    def uniform(self, pixel: Integers, sample: Integers, dim: int, count: int) -> Floats:
+    def uniform(self, pixel: Index, sample: Index, dim: int, count: int) -> Floats:
         out = np.zeros((count, pixel.size))
         keys = key(self.seed, pixel)
         for pair in range(dim // 2, (dim + count - 1) // 2 + 1 if count else 0):
@@ -79,7 +80,7 @@ class Stratified:
                     out[row] = both[axis]
         return out
 
-    def _pair(self, state: UInt64, sample: Integers) -> tuple[Floats, Floats]:
+    def _pair(self, state: UInt64, sample: Index) -> tuple[Floats, Floats]:
         """Two coordinates (n,) of each sample, from a state (n,) for each pixel and pair of dimensions."""
         m = max(1, isqrt(self.spp))
         n = -(-self.spp // m)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.math.vectors import Floats
 from renderer.textures import bilinear
+from scenes.arrays import Index
 
-Integers = NDArray[np.int64]
 
-
-def with_emission_images(scene: RenderScene, radiance: Floats, primitive: Integers, p: Floats) -> Floats:
+def with_emission_images(scene: RenderScene, radiance: Floats, primitive: Index, p: Floats) -> Floats:
     """Radiance (3, n) or (3, 1) times the images of primitives (n,), -1 for none, at points p (3, n).
 
     As in pbrt the look-up is bilinear and clamped at the edges, with the first row at v = 1 [pharr2023, sec.

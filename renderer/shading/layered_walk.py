@@ -19,18 +19,15 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.hashing import UInt64, stream
 from renderer.math.vectors import Floats, combine, dot, frame_about, gather, normalize
 from renderer.records import BSDFSample, SurfaceHit
 from renderer.shading.microfacets import TINY, Facets, fresnel_dielectric, varying_alphas
 from renderer.textures import Places, evaluate
+from scenes.arrays import Index, Mask
 from scenes.description.materials import Coated, Roughness
 from scenes.description.textures import Texture
-
-Rows = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 THINNEST = float(np.finfo(np.float32).tiny)  # pbrt's least thickness, which absorbs nothing
 STRAIGHT = 1e-3  # below this |g| pbrt samples an isotropic phase function
@@ -53,13 +50,13 @@ class Layers(ABC):
     eta: Floats
     alpha: Floats
     alpha_v: Floats | None
-    glossy: Bools
+    glossy: Mask
     thickness: Floats
     albedo: Floats
     g: Floats
-    max_depth: Rows
-    samples: Rows
-    mirror: Bools
+    max_depth: Index
+    samples: Index
+    mirror: Mask
     varying: tuple[tuple[int, Roughness], ...]
     layers: tuple[tuple[int, Coated], ...]
 
@@ -82,7 +79,7 @@ class Coat:
 
     facets: Facets
     eta: Floats
-    glossy: Bools
+    glossy: Mask
 
     @classmethod
     def at(cls, kind: Layers, hit: SurfaceHit) -> Coat:
@@ -94,7 +91,7 @@ class Coat:
         axes = None if across is None else (X, np.array([[0.0], [1.0], [0.0]]), across)
         return cls(Facets(Z, alpha, axes), gather(kind.eta, shape), kind.glossy[shape])
 
-    def take(self, rows: Rows) -> Coat:
+    def take(self, rows: Index) -> Coat:
         """The lobes of some rows (m,)."""
         axes = self.facets.axes
         if axes is not None:
@@ -198,11 +195,11 @@ class Walks:
             self._walk(sample, np.flatnonzero(samples > sample))
         return self.total / samples
 
-    def _numbers(self, rows: Rows, sample: int, depth: int, which: int, count: int) -> Floats:
+    def _numbers(self, rows: Index, sample: int, depth: int, which: int, count: int) -> Floats:
         """(count, m) numbers in [0, 1) of their own for each row, walk, depth and use."""
         return stream(self.key[rows], (sample << 40) + (depth << 4) + which, count)
 
-    def _walk(self, sample: int, rows: Rows) -> None:
+    def _walk(self, sample: int, rows: Index) -> None:
         """Add one walk of some rows to the total."""
         coat = self.coat.take(rows)
         w, weight, _ = coat.transmit(self.wo.take(rows, axis=1), self._numbers(rows, sample, 0, 0, 2))
@@ -315,7 +312,7 @@ class _State:
     exit: (3, m) down into the layer from wi, with its f |cos| / pdf and its pdf, (m,) each.
     """
 
-    rows: Rows
+    rows: Index
     w: Floats
     beta: Floats
     z: Floats
@@ -323,7 +320,7 @@ class _State:
     exit_weight: Floats
     exit_pdf: Floats
 
-    def take(self, some: Rows) -> _State:
+    def take(self, some: Index) -> _State:
         if some.size == self.rows.size:
             return self
         return _State(

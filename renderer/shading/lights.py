@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.interfaces.light import LIGHTS, DirectionSampler, Source
@@ -18,9 +17,8 @@ from renderer.math.vectors import Floats, dot, gather
 from renderer.records import LightSample, SurfaceHit
 from renderer.shading.emission import with_emission_images
 from renderer.shading.visibility import Seen
+from scenes.arrays import Index
 from scenes.description.scene import SceneDescription
-
-Integers = NDArray[np.int64]
 
 
 def sources_of(scene: SceneDescription) -> list[Source]:
@@ -52,7 +50,7 @@ def supporting_techniques(scene: RenderScene, *preferred: str) -> list[Direction
     return out
 
 
-def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
+def choose_light(scene: RenderScene, u: Floats) -> tuple[Index, Floats]:
     """A light (n,) for each row, and the numbers (2, n) left for its direction.
 
     u: (2, n) for a scene with one light, (3, n) for more. The third row chooses, so that directions keep a
@@ -63,7 +61,7 @@ def choose_light(scene: RenderScene, u: Floats) -> tuple[Integers, Floats]:
     return sample_discrete(scene.lights.cdf, u[2]), u[:2]
 
 
-def sample_discrete(cdf: Floats, u: Floats) -> Integers:
+def sample_discrete(cdf: Floats, u: Floats) -> Index:
     """The entry (n,) that each u (n,) falls on. cdf: (k,), the running sum of weights. An entry without
     weight is never picked.
     """
@@ -73,7 +71,7 @@ def sample_discrete(cdf: Floats, u: Floats) -> Integers:
 
 
 def sample_light(
-    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
+    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Index, u: Floats
 ) -> LightSample:
     """A direction to the light of each row. techniques: one for each kind. light: (n,). u: (2, n). The pdf is
     that of the direction alone.
@@ -90,7 +88,7 @@ def sample_light(
 
 
 def _sampled(
-    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, u: Floats
+    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Index, u: Floats
 ) -> LightSample:
     if len(techniques) == 1:
         return techniques[0].sample_direction(light, hit.p, hit.ns, u)
@@ -107,7 +105,7 @@ def _sampled(
 
 
 def light_pdf(
-    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Integers, wi: Floats
+    scene: RenderScene, techniques: Sequence[DirectionSampler], hit: SurfaceHit, light: Index, wi: Floats
 ) -> Floats:
     """Density (n,) in 1/sr with which light sampling chooses the light (n,) and goes along wi (3, n); 0 where
     light is -1.
@@ -121,8 +119,8 @@ def light_pdf(
 
 
 def _rows_by_kind(
-    scene: RenderScene, techniques: Sequence[DirectionSampler], light: Integers
-) -> Iterator[tuple[int, Integers, DirectionSampler]]:
+    scene: RenderScene, techniques: Sequence[DirectionSampler], light: Index
+) -> Iterator[tuple[int, Index, DirectionSampler]]:
     """Each kind's first light, the rows that go to it, and its technique."""
     first = 0
     for kind, technique in zip(scene.lights.kinds, techniques, strict=True):
@@ -133,7 +131,7 @@ def _rows_by_kind(
         first += count
 
 
-def light_pmf(scene: RenderScene, light: Integers) -> Floats:
+def light_pmf(scene: RenderScene, light: Index) -> Floats:
     """(n,) or (1,): the probability with which `choose_light` picks each light (n,)."""
     return gather(scene.lights.pmf, light)
 
@@ -186,8 +184,8 @@ def light_along(scene: RenderScene, hit: SurfaceHit, wi: Floats) -> tuple[Seen, 
 
 
 def _one_each(
-    scene: RenderScene, coincident: Coincident, everyone: Integers, leaves: Integers
-) -> tuple[Integers, Integers]:
+    scene: RenderScene, coincident: Coincident, everyone: Index, leaves: Index
+) -> tuple[Index, Index]:
     """The primitives among `everyone`, and those that rays leave (n,), with the first of each place for all
     that coincide.
     """
@@ -198,7 +196,7 @@ def _one_each(
     return everyone[coincident.first[own] == own], first
 
 
-def _emitted(scene: RenderScene, light: Integers, cosine: Floats) -> Floats:
+def _emitted(scene: RenderScene, light: Index, cosine: Floats) -> Floats:
     """Le (3, n) of area lights (n,) seen along directions that make `cosine` (n,) with their normals."""
     shape = scene.sources.shape[scene.lights.source[light]]
     return np.where((cosine < 0) | scene.two_sided[shape], scene.emission.take(shape, axis=1), 0.0)

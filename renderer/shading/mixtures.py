@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.hashing import hash_vectors, to_unit
 from renderer.records import SurfaceHit
 from renderer.textures import Places, evaluate
+from scenes.arrays import Index
 from scenes.description.materials import MixedMaterial
 from scenes.description.shapes import ShapeDescription
 from scenes.description.textures import Texture
@@ -37,7 +37,7 @@ class Mixtures:
 
     choices: tuple[_Choice, ...]
 
-    def rows(self, hit: SurfaceHit) -> NDArray[np.int64]:
+    def rows(self, hit: SurfaceHit) -> Index:
         """(n,): the row of the material of each point; the shape's own where it is no mix."""
         row = hit.shape.copy()
         for choice in self.choices:

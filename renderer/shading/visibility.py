@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.build import RenderScene
 from renderer.geometry.cutouts import CutoutBlockers
@@ -13,9 +12,7 @@ from renderer.interfaces.estimator import Reflected
 from renderer.math.vectors import Floats, dot, gather
 from renderer.plan.plan import RenderPlan
 from renderer.records import SurfaceHit
-
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from scenes.arrays import Index, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +21,14 @@ class Seen:
     n) or (3, 1), the aim's, 0 where the ray ends in free space.
     """
 
-    light: Integers
+    light: Index
     wi: Floats
     dist: Floats
     normal: Floats
 
 
 def visible(
-    scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, useful: Bools, radiance: Floats
+    scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, useful: Mask, radiance: Floats
 ) -> Reflected:
     """The `radiance` (3, n) that arrives: 0 where a row is not `useful` (n,), and where something blocks the
     ray.
@@ -50,7 +47,7 @@ def visible(
     return Reflected(radiance, rows.size)
 
 
-def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, rows: Integers) -> Bools:
+def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, rows: Index) -> Mask:
     """(m,): whether a blocker of the plan lies between the points `rows` (m,) and their aims."""
     some, wi = hit.take(rows), seen.wi.take(rows, axis=1)
     p, n = some.p, some.normal_towards(wi)
@@ -85,7 +82,7 @@ def hidden(scene: RenderScene, plan: RenderPlan, hit: SurfaceHit, seen: Seen, ro
     return out
 
 
-def _stopped(scene: RenderScene, holed: CutoutBlockers, hit: SurfaceHit, wi: Floats, dist: Floats) -> Bools:
+def _stopped(scene: RenderScene, holed: CutoutBlockers, hit: SurfaceHit, wi: Floats, dist: Floats) -> Mask:
     """(n,): whether a shape with an alpha stops the rays wi (3, n) within the distance dist (n,)."""
     reach = np.minimum(dist, scene.scene_diameter) - scene.contact_epsilon
     return holed.occluded(hit.p, hit.normal_towards(wi), hit.triangle, hit.primitive, wi, reach)

@@ -31,10 +31,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
 from renderer.spherical.elliptic import complete, symmetric
+from scenes.arrays import Index
 
 # The search stops at steps in asinh(T) below this; Halley's error is then its cube, 1e-11 of the share of u.
 STEP = 2e-4
@@ -189,7 +189,7 @@ def _search(view: DiskView, omega: Floats, share: Floats) -> Floats:
     t = _guess(view, total, 1.0 / share - 1.0)
     a, b, sines = _squares(view)
     goal = share * total
-    rows: NDArray[np.int64] = np.flatnonzero(omega > 0)
+    rows: Index = np.flatnonzero(omega > 0)
     for _ in range(SEARCHES):
         at, aa, bb = t[rows], a[rows], b[rows]
         tail = _tail(at, aa, bb, sines[rows])

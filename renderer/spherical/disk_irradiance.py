@@ -17,10 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
 from renderer.spherical.disk import DiskView
+from scenes.arrays import Index
 
 # Where the contour hands over to the cubature: the tangent of the major half-angle times the half-width of
 # the visible
@@ -79,7 +79,7 @@ class _Cut:
     size: Floats
     depth: Floats
 
-    def take(self, rows: NDArray[np.int64]) -> _Cut:
+    def take(self, rows: Index) -> _Cut:
         """Some of the rows."""
         x, y, z = self.normal
         return _Cut(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 
 # Steps of the arithmetic-geometric mean: seven leave a ratio of 2e-8, met 1e-16 radii from a disk's rim, at 1
 # - 1e-13.
@@ -47,7 +47,7 @@ def symmetric(x: Floats, y: Floats, z: Floats, p: Floats, apart: Floats) -> Floa
     stops when its own arguments are close.
     """
     out = np.zeros_like(x)
-    rows: NDArray[np.int64] = np.arange(x.size, dtype=np.int64)
+    rows: Index = np.arange(x.size, dtype=np.int64)
     total, scale = np.zeros_like(x), 1.0
     for step in range(DUPLICATIONS):
         rx, ry, rz, rp = np.sqrt(x), np.sqrt(y), np.sqrt(z), np.sqrt(p)

@@ -7,13 +7,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
 from renderer.spherical.polygon import Polygon
 from renderer.spherical.sectors import NARROW, Sectors
+from scenes.arrays import Index, Mask
 
-Bools = NDArray[np.bool_]
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
 
 
@@ -25,7 +24,7 @@ class Table:
     """
 
     sectors: Sectors
-    number: NDArray[np.int64]
+    number: Index
     area: Floats
     total: Floats
 
@@ -45,10 +44,10 @@ class _Triangles:
     k: Floats
     edge: Floats
     volume: Floats
-    around: Bools
+    around: Mask
     turn: Floats
 
-    def take(self, rows: NDArray[np.int64]) -> _Triangles:
+    def take(self, rows: Index) -> _Triangles:
         """Some of them."""
         return _Triangles(*(getattr(self, f.name).take(rows, axis=-1) for f in fields(self)))
 
@@ -74,7 +73,7 @@ def table(polygon: Polygon) -> Table:
     return _measured(parts, number)
 
 
-def _measured(parts: list[Sectors], number: NDArray[np.int64]) -> Table:
+def _measured(parts: list[Sectors], number: Index) -> Table:
     sectors = Sectors(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Sectors)))
     areas = np.append(np.maximum(sectors.area(sectors.width), 0.0), 0.0)
     area = areas[number]
@@ -84,7 +83,7 @@ def _measured(parts: list[Sectors], number: NDArray[np.int64]) -> Table:
     return Table(sectors, number, area, total)
 
 
-def _triangles(polygon: Polygon, i: int, rows: NDArray[np.int64]) -> _Triangles:
+def _triangles(polygon: Polygon, i: int, rows: Index) -> _Triangles:
     """The i-th triangles of the fans of those rows."""
     base, offset, up, volume = polygon.base, polygon.offset, polygon.up, polygon.volume[i]
     if rows.size < volume.size:
@@ -109,12 +108,12 @@ def _triangles(polygon: Polygon, i: int, rows: NDArray[np.int64]) -> _Triangles:
     return _Triangles(x, y, up, k, _rolled(edge, first, second), volume, around, turn)
 
 
-def _rolled(v: Floats, once: Bools, twice: Bools) -> Floats:
+def _rolled(v: Floats, once: Mask, twice: Mask) -> Floats:
     """v (..., 3, q) with corner 1 (where `once`) or 2 (where `twice`) in front."""
     return np.where(once, v[..., NEXT, :], np.where(twice, v[..., LAST, :], v))
 
 
-def _either(first: Bools, a: Floats, b: Floats) -> Floats:
+def _either(first: Mask, a: Floats, b: Floats) -> Floats:
     return np.where(first, a, b)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.piecewise import BELOW_ONE, Integers, Place
 from renderer.math.vectors import Floats
 from renderer.spherical import latlong, octahedral
+from scenes.arrays import Index, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,12 +18,12 @@ class SphereGrid:
     latitude-longitude images; the others are square and octahedral. first: (k,) an image's first texel.
     """
 
-    height: NDArray[np.int64]
-    width: NDArray[np.int64]
-    latlong: NDArray[np.bool_]
-    first: NDArray[np.int64]
+    height: Index
+    width: Index
+    latlong: Mask
+    first: Index
 
-    def texel(self, index: Integers, place: Place) -> NDArray[np.int64]:
+    def texel(self, index: Integers, place: Place) -> Index:
         """The texel numbers (n,) of places. index: (n,) the image."""
         return self.first.take(index) + place.row * self.width.take(index) + place.column
 
@@ -39,7 +39,7 @@ class SphereGrid:
             polar if self.latlong.all() else np.where(self.latlong[index], polar, _octahedral(place, width))
         )
 
-    def texel_at(self, index: Integers, w: Floats) -> NDArray[np.int64]:
+    def texel_at(self, index: Integers, w: Floats) -> Index:
         """The texel numbers (n,) in directions w (3, n), unit; on an edge, either of two. NaN gives the first
         texel.
         """
@@ -104,7 +104,7 @@ def _octahedral(place: Place, size: Integers) -> Floats:
     )
 
 
-def _cell(position: Floats, count: Integers) -> NDArray[np.int64]:
+def _cell(position: Floats, count: Integers) -> Index:
     """The cell (n,) of 0 ... count - 1 that holds a position in [0, count]; NaN counts as 0, since a cast of
     NaN is undefined.
     """

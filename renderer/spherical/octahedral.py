@@ -9,9 +9,9 @@ the sphere is the upper one mirrored at s + t = 1.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
+from scenes.arrays import Index
 
 
 def square_to_sphere(u: Floats) -> Floats:
@@ -85,9 +85,7 @@ def bilinear_on_sphere(image: Floats, w: Floats) -> Floats:
     return out
 
 
-def wrapped_texels(
-    column: NDArray[np.int64], row: NDArray[np.int64], size: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def wrapped_texels(column: Index, row: Index, size: int) -> tuple[Index, Index]:
     """The texel that a column and a row stand for which lie one beyond the image at most."""
     if size == 1:
         return np.zeros_like(column), np.zeros_like(row)

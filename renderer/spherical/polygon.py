@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, cross, dot, frame_about
+from scenes.arrays import Index
 
 Frame = tuple[Floats, Floats, Floats]
 
@@ -34,7 +34,7 @@ class Polygon:
     volume: Floats
     frame: Frame
 
-    def take(self, rows: NDArray[np.int64]) -> Polygon:
+    def take(self, rows: Index) -> Polygon:
         """Those of some points."""
         x, y, z = (axis.take(rows, axis=-1) for axis in self.frame)
         base, offset, up, volume = (

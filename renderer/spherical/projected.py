@@ -9,11 +9,11 @@ search [peters2021], and then the squared distance from the axis uniformly betwe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, combine, cross, dot
 from renderer.spherical.fan import Table, table
 from renderer.spherical.polygon import Polygon, seen_from
+from scenes.arrays import Index
 
 # Lambert's sum is off by a few 1e-16 sr: to 1e-12 of itself from here on, below which the sectors are added
 # up instead.
@@ -93,7 +93,7 @@ def invert(wi: Floats, corner: Floats, others: Floats, ref_n: Floats) -> Floats:
     return u
 
 
-def _choose(parts: Table, u: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _choose(parts: Table, u: Floats) -> tuple[Index, Floats]:
     """The sector that u (n,) falls into by the running sum of areas, and the area left in it."""
     target = u * parts.total
     number, rest, before = parts.number[0].copy(), target.copy(), np.zeros_like(target)

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats
+from scenes.arrays import Mask
 
 NARROW, STEPS = 0.1, 60
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -56,8 +57,8 @@ class Sectors:
     start: Floats
     outer: Floats
     excess: Floats
-    to_zenith: NDArray[np.bool_]
-    narrow: NDArray[np.bool_]
+    to_zenith: Mask
+    narrow: Mask
 
     def take(self, rows: NDArray[np.integer]) -> Sectors:
         """Some of them."""

@@ -23,11 +23,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.math.vectors import Floats, cross, dot
+from scenes.arrays import Mask
 
-Bools = NDArray[np.bool_]
 OPPOSITE = 1e-3
 
 
@@ -133,7 +132,7 @@ def _with_stable_edge(a: Floats, ab: Floats, ac: Floats) -> _StableTriangle:
     return _StableTriangle(near, apex, far, ra, rb, rc, to_apex, edge, k, np.abs(dot(k, edge)), bend, slope)
 
 
-def _pick(one: Bools, two: Bools, x: Floats, y: Floats, z: Floats) -> Floats:
+def _pick(one: Mask, two: Mask, x: Floats, y: Floats, z: Floats) -> Floats:
     return np.where(one, x, np.where(two, y, z))
 
 
