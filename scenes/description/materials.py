@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -135,13 +136,13 @@ class Dielectric(Microfacets):
         return self
 
 
-class Composite:
+class Composite(ABC):
     """A material made of other materials."""
 
     @property
+    @abstractmethod
     def parts(self) -> tuple[Material, Material]:
         """The materials that it is made of."""
-        raise NotImplementedError
 
     @property
     def needs_uv(self) -> bool:
