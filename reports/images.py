@@ -58,7 +58,7 @@ class _Scored:
 
 
 def select_images(root: Path, panel: Panel) -> ImageSet | None:
-    """The images of a panel from its run folder; None where no cell is scored."""
+    """The images of a panel from its run folder; None if no cell is scored."""
     return _samples_images(root, panel) if panel.study.over == "spp" else _parameter_images(root, panel)
 
 
@@ -75,7 +75,7 @@ class Extremes:
 
 
 def select_extremes(root: Path, panel: Panel) -> Extremes | None:
-    """The best and the worst series at one place; None where no cell is scored.
+    """The best and the worst series at one place; None if no cell is scored.
 
     A series that cannot be trusted is worse than any with a number. A lone series is the best.
     """

@@ -60,7 +60,7 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Hero:
-    """The first screen's answer: that of the sweep's first panel. extremes: None where nothing is scored."""
+    """The first screen's answer, from the sweep's first panel. extremes: None if nothing is scored."""
 
     anchor: str
     question: str

@@ -301,7 +301,7 @@ def _trust(found: SampleStatistics) -> tuple[bool, float]:
 
 
 def _verdict(cells: Sequence[FinishedCell]) -> str | None:
-    """The reason to distrust the replicates, None where every one is ok."""
+    """The reason to distrust the replicates, None if all are ok."""
     doubted = [cell.record.statistics for cell in cells if cell.record.statistics.verdict != "ok"]
     return f"untrustworthy, {len(doubted)} of {len(cells)}: {doubted[0].reason}" if doubted else None
 

@@ -46,8 +46,10 @@ class Diffuse:
 
 @dataclass(frozen=True, eq=False)
 class Roughness:
-    """A roughness that varies over a surface. u: a texture of numbers, along dp/du. v: across it, None where
-    it is u too. remap: whether alpha is its square root, as pbrt's default has it.
+    """A roughness that varies over a surface.
+
+    u: a texture of numbers, along dp/du. v: the texture across it, None if it is u too. remap: whether alpha
+    is the square root of the roughness, as by pbrt's default.
     """
 
     u: Texture
@@ -55,22 +57,22 @@ class Roughness:
     remap: bool
 
     def alpha(self, found: Array) -> Array:
-        """The alphas that values stand for, at least SMOOTHEST: no point becomes a mirror."""
+        """The alphas of roughness values, at least SMOOTHEST, so that no point becomes a mirror."""
         found = np.maximum(found, 0.0)
         return np.maximum(np.sqrt(found) if self.remap else found, SMOOTHEST)
 
     def mean_alphas(self) -> tuple[float, float | None]:
-        """Along dp/du and across, by the textures' means."""
+        """The alphas along dp/du and across, by the textures' means."""
         u, v = (None if one is None else float(self.alpha(mean(one))[0]) for one in (self.u, self.v))
         assert u is not None
         return u, v
 
 
 class Microfacets:
-    """Microfacets of GGX (Trowbridge-Reitz), remapping already done: alpha 0 is smooth.
+    """GGX (Trowbridge-Reitz) microfacets, given by alpha rather than roughness; alpha 0 is smooth.
 
-    alpha: along dp/du, at least 1e-4, and alpha_v: across it, None where it is alpha too. varying: what
-    textures say in their place, of which they are then means; None without.
+    alpha: along dp/du, at least 1e-4. alpha_v: across it, None if equal. varying: textures that replace both,
+    which are then means; None without textures.
     """
 
     alpha: float
@@ -155,10 +157,9 @@ class Coated(Composite):
     """A surface under a layer of varnish, two-sided: pbrt's `coateddiffuse` and `coatedconductor`.
 
     coat: the boundary to the air. base: the surface underneath, as it would be in air. thickness: of the
-    layer, in mean free paths of the medium that fills it. albedo: (3,) float64 in [0, 1], what the medium
-    scatters, in Henyey and Greenstein's phase function of asymmetry g. Each of the three may be a texture.
-    max_depth: how many events a walk between the boundaries has at most. samples: how many walks give one
-    value of the BSDF.
+    layer, in mean free paths of its medium. albedo: (3,) float64 in [0, 1], of the medium, which scatters by
+    Henyey and Greenstein's phase function of asymmetry g. These three may be textures. max_depth: the most
+    events of a walk between the boundaries. samples: the number of walks for one value of the BSDF.
     """
 
     coat: Dielectric
@@ -175,7 +176,7 @@ class Coated(Composite):
 
     @property
     def has_textured_layer(self) -> bool:
-        """Whether its thickness, its albedo or its g varies."""
+        """Whether thickness, albedo or g is a texture."""
         return not isinstance(self.albedo, np.ndarray) or not all(
             isinstance(one, float | int) for one in (self.thickness, self.g)
         )
@@ -253,13 +254,13 @@ class MixedMaterial(Composite):
 
     @property
     def perturbs_normals(self) -> bool:
-        """Whether any part of it, of its mixes too, turns shading normals."""
+        """Whether a part of the mix, or of a mix within it, turns shading normals."""
         return any(one is not None for one in self.perturbations) or any(
             isinstance(part, MixedMaterial) and part.perturbs_normals for part in self.parts
         )
 
     def without_perturbations(self) -> MixedMaterial:
-        """The same with all normals left as they are."""
+        """The mix with all shading normals left as they are."""
         first, second = (
             part.without_perturbations() if isinstance(part, MixedMaterial) else part for part in self.parts
         )

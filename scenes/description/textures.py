@@ -82,11 +82,10 @@ class ImageTexture:
         return np.clip(1.0 - scaled if self.invert else scaled, 0.0, 1.0 if self.clamped else None)
 
     def plain(self) -> ImageTexture | None:
-        """The same texture by its texels alone; None where a bound lies between looking up and the value,
-        which no texels can do.
+        """The texture as an image of its values; None if clamping after interpolation makes that impossible.
 
-        Exact but for rounding: a mean of texels goes through what is linear, and the nearest one through
-        anything.
+        It is exact but for rounding: linear maps commute with interpolation, and any map with the choice of
+        the nearest texel.
         """
         top = float(self.image.max(initial=0.0)) * self.scale
         bounded = top > 1.0 and (self.clamped or self.invert)

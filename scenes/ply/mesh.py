@@ -36,10 +36,11 @@ _UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "textur
 
 @dataclass(frozen=True, eq=False)
 class MeshFile:
-    """vertices: (m, 3) float64. triangles: (t, 3), quads: (q, 4) int64, corners in order round the face.
+    """The content of a mesh file.
 
-    normals: (m, 3), NaN where not finite, uv: (m, 2) float64, None where the file has none. left_out: the
-    number of faces of other counts of corners, which pbrt leaves out too.
+    vertices: (m, 3) float64. triangles: (t, 3) and quads: (q, 4) int64, corners in order round the face.
+    normals: (m, 3), NaN for a normal that is not finite, and uv: (m, 2) float64; None if the file has none.
+    left_out: the number of faces with other counts of corners, which pbrt leaves out too.
     """
 
     vertices: NDArray[np.float64]

@@ -1,9 +1,9 @@
-"""Closed surfaces around media: what lies behind one, direct light never crosses.
+"""Closed surfaces that hide the medium behind them from direct light.
 
-In pbrt a ray is in the medium of the side of the surface that it leaves. A camera outside a closed surface
-sees its outside, and reflected rays stay there. Transmitted rays enter the medium and meet the surface again
-from inside, where direct light ends, unless a light lies within. Opaque or clear, such a surface hides its
-medium from the direct component. Surfaces are taken not to cut themselves.
+In pbrt a ray is in the medium on the side of the surface that it leaves. A camera outside a closed surface
+sees its outside, and reflected rays stay outside. Transmitted rays enter the medium and meet the surface
+again from inside, where direct light ends unless a light lies within. Opaque or clear, such a surface hides
+its medium from the direct component. Surfaces are assumed not to intersect themselves.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ EMPTY = 1e-6  # of a winding number, which is whole away from the surface
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """A closed surface. low, high: (3,) its box. outward: whether its normals point away from what it
-    encloses. triangles: (t, 3, 3), None for a ball that fills its box.
+    """A closed surface. low, high: (3,) of its box. outward: whether its normals point outwards. triangles:
+    (t, 3, 3), None for a ball that fills its box.
     """
 
     low: Array
@@ -38,19 +38,19 @@ class Enclosure:
     triangles: Array | None
 
     def holds(self, p: Array) -> bool:
-        """Whether a point (3,) may lie inside or on it."""
+        """Whether a point (3,) may lie inside the surface or on it."""
         if not ((p >= self.low) & (p <= self.high)).all():
             return False
         return True if self.triangles is None else abs(_winding(p, self.triangles)) > EMPTY
 
     def apart(self, low: Array, high: Array) -> bool:
-        """Whether a box lies wholly outside its own."""
+        """Whether a box lies wholly outside the surface's box."""
         return bool(((high < self.low) | (low > self.high)).any())
 
 
 @singledispatch
 def enclosure(geometry: Geometry) -> Enclosure | None:
-    """A geometry as a closed surface; None where it is none, or faces both ways."""
+    """A geometry as a closed surface; None if it is open, or its faces turn both ways."""
     return None
 
 
@@ -78,7 +78,7 @@ def _(geometry: TriangleMesh) -> Enclosure | None:
 
 
 def hides(shell: Enclosure, camera: Camera, lights: Iterable[Light], emitters: Iterable[Geometry]) -> bool:
-    """Whether the camera and all light are outside a closed surface."""
+    """Whether the camera and all lights are outside a closed surface."""
     if camera.kind == "orthographic":
         return False  # its rays start all over the film
     eye = camera.camera_to_world[:3, 3]
@@ -99,8 +99,8 @@ def _box(geometry: Geometry) -> tuple[Array, Array]:
 
 
 def _side(corners: Array) -> float | None:
-    """1 where each part of triangles (t, 3, 3) is closed and turns its face normals outwards, -1 inwards;
-    None where some edge has not two faces that turn the same way, or parts differ.
+    """1 if all triangles (t, 3, 3) are closed and turn their normals outwards, -1 if inwards. None if an edge
+    lacks two faces that turn the same way, or parts differ.
     """
     points, number = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     faces: NDArray[np.int64] = number.reshape(-1, 3).astype(np.int64)
@@ -119,13 +119,15 @@ def _side(corners: Array) -> float | None:
 
 
 def _parts(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """(count,) the number of the part that each point belongs to. start, end: of the edges."""
+    """(count,) the connected part of each point. start, end: of the edges."""
     links = coo_array((np.ones(start.size), (start, end)), shape=(count, count))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
 def _winding(p: Array, triangles: Array) -> float:
-    """How often triangles (t, 3, 3) go round a point (3,): their solid angles over 4 pi [vanoosterom1983]."""
+    """The number of times that triangles (t, 3, 3) go round a point (3,): their solid angles over 4 pi
+    [vanoosterom1983].
+    """
     a, b, c = np.moveaxis(triangles - p, 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("tc,tc->t", a, np.cross(b, c))

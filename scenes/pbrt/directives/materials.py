@@ -1,6 +1,4 @@
-"""`Material` and `MakeNamedMaterial`: diffuse surfaces, metals and glass, as pbrt-v4 reads them, and
-written back.
-"""
+"""`Material` and `MakeNamedMaterial`, read as pbrt-v4 does and written back."""
 
 from __future__ import annotations
 
@@ -68,7 +66,7 @@ def material(builder: Builder, kind: str, parameters: Parameters) -> None:
 
 
 def kinds() -> tuple[str, ...]:
-    """The kinds that are read."""
+    """The kinds of material that are read."""
     return tuple(_KINDS)
 
 
@@ -158,7 +156,7 @@ def _bare_conductor(parameters: Parameters) -> MaterialUse:
 
 
 def _rough_conductor(parameters: Parameters, part: str) -> tuple[Conductor, RoughUse | None]:
-    """A metal, and its roughness where textures give it."""
+    """A metal, with its roughness if textures give it."""
     rough = _textured_roughness(parameters, part)
     return _conductor(parameters, part, None if rough is None else (1.0, None)), rough
 
@@ -166,8 +164,8 @@ def _rough_conductor(parameters: Parameters, part: str) -> tuple[Conductor, Roug
 def _conductor(
     parameters: Parameters, part: str = "", alpha: tuple[float, float | None] | None = None
 ) -> Conductor:
-    """part: what the names of its parameters begin with, but that of its reflectance. alpha: None where they
-    give it.
+    """A metal. part: the beginning of its parameters' names, except that of its reflectance. alpha: None if
+    parameters give it.
     """
     from scenes import color  # here, because most scenes name no metals and its tables take time
 
@@ -187,7 +185,7 @@ def _conductor(
 def _refractive_index(
     parameters: Parameters, eta: Parameter | None, k: Parameter | None
 ) -> tuple[Array, Array]:
-    """eta and k, (3,) each; two spectra are projected together, which gives the colour of their
+    """eta and k, (3,) each. Two spectra are projected together, which keeps the colour of their
     reflectance.
     """
     from scenes import color
@@ -219,14 +217,14 @@ def _is_spectrum(parameter: Parameter | None) -> bool:
 
 
 def _tabulated(parameters: Parameters, parameter: Parameter) -> Array:
-    """A listed spectrum at 360, 361 ... 830 nm, with its end values beyond its list."""
+    """A listed spectrum at 360, 361 ... 830 nm, with its end values outside its list."""
     wavelengths, values = samples(parameters, parameter)
     return np.interp(np.linspace(360.0, 830.0, 471), wavelengths, values)
 
 
 def _alpha(parameters: Parameters, part: str = "") -> tuple[float, float | None]:
-    """The alphas of the microfacets along dp/du and across, None where it is the same both ways; 0 for a
-    surface that pbrt takes for smooth. part: as of `_conductor`.
+    """The alphas along dp/du and across, None for the second if equal; 0 for a surface that pbrt takes for
+    smooth. part: as of `_conductor`.
     """
     along_u, along_v, both = _roughnesses(part)
     roughness = parameters.number(both, 0.0)
@@ -239,7 +237,7 @@ def _alpha(parameters: Parameters, part: str = "") -> tuple[float, float | None]
 
 
 def _alphas(u: float, v: float, remap: bool) -> tuple[float, float | None]:
-    """Of roughnesses; negative ones, which only textures give, count as 0."""
+    """The alphas of roughnesses. Negative ones, which only textures give, count as 0."""
     along, across = (max(one, 0.0) for one in (u, v))
     along, across = (float(np.sqrt(one)) if remap else one for one in (along, across))
     if max(along, across) < SMOOTHEST:
@@ -253,7 +251,9 @@ RoughUse = tuple[NumberUse, NumberUse | None, bool]
 
 
 def _textured_roughness(parameters: Parameters, part: str = "") -> RoughUse | None:
-    """u, v and `remaproughness`; None where no texture gives the roughness. part: as of `_conductor`."""
+    """The textures u and v and `remaproughness`; None if no texture gives the roughness. part: as of
+    `_conductor`.
+    """
     along_u, along_v, both = (parameters.take(name, "float", "texture") for name in _roughnesses(part))
     u, v = along_u or both, along_v or both
     if all(one is None or one.type == "float" for one in (u, v)):
@@ -333,9 +333,8 @@ Finish = Callable[[Coated, Builder], Coated]
 
 
 def _coated(parameters: Parameters, part: str) -> tuple[Coated, Finish | None]:
-    """A coat over gray, and what puts in its textures once they are known, None without any.
-
-    part: what the names of the boundary's parameters begin with.
+    """A coat over gray, and a function that sets its textures once they are known, None without textures.
+    part: the beginning of the boundary's parameter names.
     """
     rough = _textured_roughness(parameters, part)
     alpha, alpha_v = _alpha(parameters, part) if rough is None else (1.0, None)
@@ -385,7 +384,7 @@ DEEPEST_MIX = 6  # mixes within mixes: 64 materials
 
 
 def _mixed(use: MixedUse, builder: Builder, within: tuple[str, ...]) -> MixedMaterial:
-    """within: the names of the mixes that this one is part of."""
+    """The material of a mix. within: the names of the mixes around it."""
     parts: list[Material] = []
     for part in (use.first, use.second):
         if part.name in within:
@@ -401,9 +400,8 @@ def _mixed(use: MixedUse, builder: Builder, within: tuple[str, ...]) -> MixedMat
 
 
 def resolve_material(use: MaterialUse, builder: Builder, within: tuple[str, ...] = ()) -> Material:
-    """The material that a use stands for, its names looked up; SceneError where there is no such name.
-
-    within: the names of the mixes that it is part of.
+    """The material of a use, with its names looked up. within: the names of the mixes around it. SceneError
+    for an unknown name.
     """
     if isinstance(use, NamedMaterial):
         within = (*within, use.name)
@@ -430,7 +428,7 @@ Rough = TypeVar("Rough", Conductor, Dielectric)
 
 
 def _roughened(bare: Rough, rough: RoughUse, builder: Builder) -> Rough:
-    """The material with the textures of its roughness, of constants with its alphas."""
+    """The material with the textures of its roughness; constant ones become alphas."""
     u, v, remap = rough
     along, across = _numbers_of(u, builder), None if v is None else _numbers_of(v, builder)
     if isinstance(along, np.ndarray) and (across is None or isinstance(across, np.ndarray)):
@@ -449,7 +447,7 @@ def _numbers_of(given: NumberUse, builder: Builder) -> Texture:
 
 
 def resolve_perturbation(use: MaterialUse, builder: Builder) -> NormalPerturbation | None:
-    """The normal map or bump map of a material; SceneError where its texture is not there."""
+    """The normal map or bump map of a material. SceneError for an unknown texture."""
     use = _found(use, builder)
     if not isinstance(use, PerturbedUse):
         return None
@@ -489,7 +487,7 @@ _KINDS: dict[str, Callable[[Parameters], MaterialUse]] = {
 
 @singledispatch
 def material_text(material: Material, textures: TextureWriter) -> list[str]:
-    """The textures that are new, and the `Material` that reads back as this one to the bit."""
+    """The textures that are new, and the `Material` that reads back as this one, bit for bit."""
     raise TypeError(f"no pbrt text is known for a {type(material).__name__}")
 
 
@@ -568,9 +566,8 @@ def _optical_text(metal: Conductor, part: str) -> str:
 
 
 def _roughness_text(parts: Mapping[str, Microfacets], textures: TextureWriter, lines: list[str]) -> str:
-    """The roughness of boundaries, by what the names of their parameters begin with.
-
-    One `remaproughness` holds for all of them. sqrt(alpha^2) is alpha to the bit.
+    """The roughness parameters of boundaries, by the beginning of their names. One `remaproughness` serves
+    them all, since sqrt(alpha^2) is alpha, bit for bit.
     """
     remap = any(one.varying is not None and one.varying.remap for one in parts.values())
     text: list[str] = []

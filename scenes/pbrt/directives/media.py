@@ -99,7 +99,7 @@ def report_media(builder: Builder) -> None:
 
 
 def _enclosed(builder: Builder, use: MediumUse, emitters: Sequence[Geometry]) -> bool:
-    """Whether closed surfaces hide the medium from direct light: see `enclosures`."""
+    """Whether closed surfaces hide the medium from direct light; see `enclosures`."""
 
     def encloses(part: PlacedShape) -> bool:
         if part.alpha is not None or part.light is not None or is_interface(builder, part.material):

@@ -1,6 +1,4 @@
-"""pbrt-v4's lexical level: a text becomes words, quoted strings and brackets, each with its place in its
-file.
-"""
+"""The lexer of pbrt-v4 text: words, quoted strings and brackets, each with its place in its file."""
 
 from __future__ import annotations
 
@@ -36,8 +34,8 @@ _ESCAPED = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A text and where it came from. folder: what the file names in it are relative to; None where it is no
-    file.
+    """A text and its origin. folder: the folder to which file names in it are relative; None for a text from
+    no file.
     """
 
     file: str
@@ -66,7 +64,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Token:
-    """One lexeme; the text of a string is without its quotes and escapes."""
+    """A lexeme. The text of a string comes without its quotes and escapes."""
 
     kind: Kind
     text: str
@@ -75,7 +73,7 @@ class Token:
 
     @property
     def where(self) -> Location:
-        """Where the token begins."""
+        """The place of the token's first character."""
         return self.source.location(self.offset)
 
     def __str__(self) -> str:
@@ -83,16 +81,17 @@ class Token:
 
 
 class Tokenizer:
-    """The tokens of `source` from offset `start` on, one after another; `offset` is where it goes on."""
+    """The tokens of `source` from offset `start` on. offset: where the next one is searched."""
 
     def __init__(self, source: Source, start: int = 0) -> None:
         self.source = source
         self.offset = start
 
     def next(self) -> Token | None:
-        """The next token, None at the end; SceneError on an unterminated string or an unknown escape.
+        """The next token, None at the end. SceneError for an unterminated string or an unknown escape.
 
-        A `#$ ` line beyond `start`, where a template's header ends, is refused: it would declare nothing.
+        A `#$ ` line after `start`, the end of a template's header, is refused, since it would declare
+        nothing.
         """
         while (match := _LEXEME.match(self.source.text, self.offset)) is not None:
             self.offset = match.end()
@@ -116,7 +115,7 @@ class Tokenizer:
 
 
 def odd_space(text: str) -> str:
-    """A hint where a word holds what looks like white space and is none to pbrt, else ""."""
+    """A hint on a character that looks like white space and is none to pbrt; "" without one."""
     odd = next((c for c in text if (c.isspace() and c not in " \t\r\n") or c in "\u200b\ufeff"), None)
     return "" if odd is None else f": U+{ord(odd):04X} in it is no white space to pbrt; put a space"
 
@@ -150,8 +149,8 @@ def _unquote(text: str, source: Source, offset: int) -> str:
 
 
 def read_source(path: Path, where: Location | None = None) -> Source:
-    """Read a UTF-8 text file, also compressed (.gz); SceneError at `where` (the Include that names it) if
-    that cannot be done.
+    """Read a UTF-8 text file, also compressed (.gz). SceneError at `where`, the Include that names it, if it
+    cannot be read.
     """
     try:
         data = read_bytes(path)
@@ -161,8 +160,8 @@ def read_source(path: Path, where: Location | None = None) -> Source:
 
 
 def decode(data: bytes, file: str) -> str:
-    """UTF-8 text without its byte-order mark; SceneError at the first byte that is none, but in comments,
-    where such bytes become `?`.
+    """UTF-8 text without its byte-order mark. SceneError at the first byte that is not UTF-8, except in
+    comments, where it becomes `?`.
     """
     try:
         return data.decode("utf-8").removeprefix("\ufeff")

@@ -1,9 +1,9 @@
-"""Many plain triangle meshes in a row, read as one: a directive of its own costs a tenth of a millisecond.
+"""Runs of plain triangle meshes, read as one: each directive alone costs a tenth of a millisecond.
 
 Exporters write a `Shape "trianglemesh"` for every leaf and brick. Neighbours under one state differ in their
-numbers alone, so that one pattern finds them and NumPy reads all their numbers at once. Whatever the pattern
-does not know, or numbers that are no mesh, ends the run: the directive there is read on its own, and its
-errors are told at their place.
+numbers alone, so that one pattern finds them and NumPy reads all their numbers at once. A run ends at
+anything that the pattern does not know, and at numbers that are no mesh. The directive there is read on its
+own, with errors at their place.
 """
 
 from __future__ import annotations
@@ -42,9 +42,8 @@ class MeshRun:
 
 
 def read_meshes(source: Source, start: int) -> tuple[MeshRun | None, int]:
-    """The plain meshes from offset `start` on, which is behind the word `Shape`, and the offset behind them.
-
-    None where they are few or one of them is malformed: no run begins before that offset.
+    """The plain meshes from offset `start`, right after a `Shape`, and the offset after them. None if they
+    are few or one is malformed: no run begins before that offset.
     """
     points: list[str] = []
     indices: list[str] = []
@@ -77,7 +76,7 @@ def _joined(points: Sequence[str], indices: Sequence[str]) -> MeshRun | None:
 
 
 def _numbers(texts: Sequence[str]) -> NDArray[np.float64] | None:
-    """All numbers of the texts, None where a word is no finite number."""
+    """All numbers of the texts; None if a word is no finite number."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # of words that are no numbers
         try:

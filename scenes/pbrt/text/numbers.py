@@ -1,4 +1,4 @@
-"""Lists of values: long runs of numbers are read at once; they become tokens only for an error message."""
+"""Lists of values: long runs of numbers are read at once, and become tokens only for error messages."""
 
 from __future__ import annotations
 
@@ -28,8 +28,10 @@ _LONG = re.compile(r"[0-9]{19}")  # beyond int64, perhaps
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Finite numbers of a text between the offsets start and end. whole: whether each is written as a whole
-    number; `array` (m,) is int64 then, unless one is very long, else float64.
+    """Finite numbers of a text between the offsets start and end.
+
+    whole: whether all are written as whole numbers. array: (m,) int64 if they are, unless one is very long;
+    else float64.
     """
 
     array: NDArray[np.float64] | NDArray[np.int64]
@@ -44,9 +46,8 @@ class Run:
 
 
 def read_run(source: Source, start: int) -> Run | None:
-    """The numbers from offset `start` up to a bracket or to what is no plain number; None where they are few.
-
-    SceneError at a number that is beyond the range of float64.
+    """The numbers from offset `start` up to a bracket or to anything else; None for only a few. SceneError
+    for a number beyond the range of float64.
     """
     match = _RUN.match(source.text, start)
     end = start if match is None else match.end()
@@ -71,9 +72,9 @@ def read_run(source: Source, start: int) -> Run | None:
 
 
 class Values:
-    """The values of a parameter, in runs and single tokens, whose tokens are made when asked for.
+    """The values of a parameter, as runs and single tokens. Tokens of runs are made on demand.
 
-    No `Sequence`: an index costs as much as all the tokens before it.
+    It is no `Sequence`: an index costs as much as all the tokens before it.
     """
 
     def __init__(self, parts: Sequence[Run | Token]) -> None:
@@ -94,14 +95,14 @@ class Values:
         return next(islice(iter(self), index, None))
 
     def integers(self) -> NDArray[np.int64] | None:
-        """All values as integers, (m,) int64; None where one is no plain whole number, or a very long one."""
+        """All values, (m,) int64; None if one is no plain whole number, or a very long one."""
         runs = [part.array for part in self._parts if isinstance(part, Run) and part.array.dtype == np.int64]
         if not runs or len(runs) < len(self._parts):
             return None
         return np.asarray(runs[0] if len(runs) == 1 else np.concatenate(runs), dtype=np.int64)
 
     def array(self, number: Callable[[Token], float]) -> NDArray[np.float64]:
-        """All values as numbers, (m,) float64. number: what a single token stands for."""
+        """All values, (m,) float64. number: the function from a single token to its number."""
         if len(self._parts) == 1 and isinstance(self._parts[0], Run):
             return np.asarray(self._parts[0].array, dtype=np.float64)
         pieces = [part.array if isinstance(part, Run) else np.array([number(part)]) for part in self._parts]

@@ -1,6 +1,4 @@
-"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and a report of parameters that nobody
-reads.
-"""
+"""pbrt's parameter lists, `"float radius" [ 0.5 ]`: typed access, and a report of unread parameters."""
 
 from __future__ import annotations
 
@@ -59,10 +57,10 @@ class Parameter:
 
 
 class Parameters:
-    """The parameter list of one directive. Read everything that is supported, then call `finish`.
+    """The parameter list of a directive. Read everything that is supported, then call `finish`.
 
-    resolve: a file name as the scene file means it. defaults: what `Attribute` said for directives of this
-    kind, one of each type and name; the directive's own override them.
+    resolve: the path of a file that the scene names. defaults: parameters that `Attribute` gave for
+    directives of this kind, one of each type and name; the directive's own override them.
     """
 
     def __init__(
@@ -89,11 +87,11 @@ class Parameters:
 
     @property
     def supported(self) -> tuple[tuple[tuple[str, ...], str], ...]:
-        """Types and name of each parameter that was asked for so far."""
+        """Type and name of each parameter asked for so far."""
         return tuple(self._supported)
 
     def located(self, name: str) -> Location:
-        """Where `name` was given; where the directive stands if it was not."""
+        """The place of `name`, or of the directive if it is not given."""
         found = next((item for item in self._items(name)), None)
         return self.where if found is None else found.where
 
@@ -102,25 +100,27 @@ class Parameters:
         return any(True for _ in self._items(name))
 
     def _items(self, name: str) -> Iterator[Parameter]:
-        """The directive's own parameter of this name, or what `Attribute` said of it, the last first."""
+        """The directive's own parameter of this name, or else those of `Attribute`, the last first."""
         if name in self._given:
             yield self._given[name]
         yield from (item for item in reversed(self._defaults) if item.name == name)
 
     def fail(self, name: str, message: str) -> SceneError:
-        """A SceneError about `name`, located at it, to be raised by the caller."""
+        """A SceneError about `name`, at its place, for the caller to raise."""
         return SceneError(message, self.located(name))
 
     def unsupported(self, name: str, message: str) -> None:
-        """Report what `name` asks for as not simulated, and go on."""
+        """Report that `name` asks for something that is not simulated, and go on."""
         self._report.add(message, self.located(name))
 
     def note(self, name: str, message: str) -> None:
-        """Note where `name` makes the image differ from pbrt's."""
+        """Note that `name` makes the image differ from pbrt's."""
         self._report.note(message, self.located(name))
 
     def substitute(self, name: str, what: str, nearest: str) -> None:
-        """Refuse what `name` asks for unless it may be rendered as the nearest that is simulated."""
+        """Render the nearest thing that is simulated in place of `name`, or refuse it if that is
+        not allowed.
+        """
         self._report.substitute(what, nearest, self.located(name))
 
     def remark(self, name: str, message: str) -> None:
@@ -128,8 +128,8 @@ class Parameters:
         self._report.remark(message, self.located(name))
 
     def number(self, name: str, default: float) -> float:
-        """One `float`; a negative zero is a zero, here and below, since no image could tell them apart and a
-        hash would.
+        """One `float`. A negative zero becomes zero here and below: no image tells them apart, but a hash
+        would.
         """
         return self._one("float", name, default, self._bindings.number) + 0.0
 
@@ -142,18 +142,18 @@ class Parameters:
         return self._one("string", name, default, _string)
 
     def texts(self, name: str) -> list[str]:
-        """All values of a `string` list; none if not given."""
+        """All values of a `string` list; an empty list if not given."""
         parameter = self.take(name, "string")
         if parameter is None:
             return []
         return [_string(parameter.values.token(i)) for i in range(len(parameter.values))]
 
     def text_of(self, parameter: Parameter) -> str:
-        """The one string of a parameter that was taken."""
+        """The one string of a parameter that `take` gave."""
         return _single(parameter, _string)
 
     def flag(self, name: str, default: bool) -> bool:
-        """One `bool`: true or false, in quotes if it must be."""
+        """One `bool`: true or false, with or without quotes."""
         return self._one("bool", name, default, _bool)
 
     def point(self, name: str, default: tuple[float, float, float]) -> Array:
@@ -195,17 +195,17 @@ class Parameters:
         return np.array([self._whole(token) for token in values], dtype=np.int64), values
 
     def values(self, parameter: Parameter) -> Array:
-        """The numbers of a parameter that was taken: (m,) float64."""
+        """The numbers of a parameter that `take` gave: (m,) float64."""
         found = parameter.values.array(self._bindings.number)
         found += 0.0  # -0 becomes 0, in place: a mesh may be most of the memory
         return found
 
     def take(self, name: str, *types: str) -> Parameter | None:
-        """The parameter `name`, now read, or None if not given; SceneError if it is declared with none of
-        these types.
+        """The parameter `name`, now read, or None if not given. SceneError if it has none of these types.
 
-        Where a spectrum may stand, so may a blackbody. A texture that pbrt would take is reported, its mean
-        being the stand-in, None where that is not known. An `Attribute` of another type is meant for others.
+        A blackbody may stand in place of a spectrum. A texture that pbrt would accept is reported, and
+        replaced by its mean; None if that is unknown. An `Attribute` of another type is meant for other
+        directives.
         """
         if "spectrum" in types and "blackbody" not in types:
             types = (*types, "blackbody")
@@ -226,18 +226,18 @@ class Parameters:
         return None
 
     def ignore(self) -> None:
-        """Mark all remaining parameters as read: they change nothing here, or a larger part is not supported
-        anyway.
+        """Mark all remaining parameters as read: they change nothing, or the directive as a whole is not
+        supported.
         """
         self._unread.clear()
 
     def textures(self) -> list[str]:
-        """The textures that are named."""
+        """The names of the textures that parameters name."""
         named = (item for item in self._given.values() if item.type == "texture")
         return [token.text for item in named for token in item.values]
 
     def _mean(self, parameter: Parameter, types: Sequence[str]) -> Parameter | None:
-        """The mean of a texture, a number or a colour, in place of it; None where it is not yet known."""
+        """The mean of a texture in its place, a number or a colour; None if it is not known yet."""
         single = "float" in types
         mean = None
         if self.mean is not None and len(parameter.values) == 1:
@@ -252,7 +252,7 @@ class Parameters:
         return replace(parameter, type="float" if single else "rgb", values=Values(words), space=SRGB)
 
     def finish(self) -> None:
-        """Report each parameter that nobody has read, saying what is supported."""
+        """Report each unread parameter, with the names that are supported."""
         for parameter in self._unread.values():
             if parameter.name in EFFECTIVE:
                 self._report.substitute(f"{parameter} of {self.owner}", "without it", parameter.where)
