@@ -169,6 +169,8 @@ def _render(run: Run, views: list[StudyView], sections: list[Section], hero: Her
         sections=sections,
         missing=[job_line(cell.job) for cell in missing[:NAMED]],
         missing_count=len(missing),
+        damaged=run.damaged[:NAMED],
+        damaged_count=len(run.damaged),
         cell_count=sum(len(study.cells) for study in run.manifest.studies),
         unscored=[job_line(cell.job) for cell in unscored[:NAMED]],
         unscored_count=len(unscored),

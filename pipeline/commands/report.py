@@ -35,8 +35,11 @@ def report(
     with console.step("report", 1) as update:
         page = write_report(run, out or run / "report")
         update(1)
-    missing = sum(study.missing for study in load_run(run).studies)
+    found = load_run(run)
+    missing = sum(study.missing for study in found.studies)
+    for line in found.damaged:
+        console.problem(f"damaged, and left out of the report: {line}")
     if missing:
         console.note(f"{missing} images of this run are missing; the report names them")
     console.line(str(page))
-    console.json({"report": str(page), "missing": missing})
+    console.json({"report": str(page), "missing": missing, "damaged": list(found.damaged)})

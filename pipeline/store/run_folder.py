@@ -14,7 +14,7 @@ when read, so that a run can be killed at any moment and started again. One run 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
 from pipeline.schema.manifest import CellEntry, LeftOut, Manifest
-from pipeline.schema.record import Record, ScoreCard
+from pipeline.schema.record import Record, ReferenceInfo, ScoreCard
 from pipeline.schema.sweep import Study
 from pipeline.store.lock import locked
 from pipeline.store.npz import from_npz, to_npz
@@ -58,11 +58,9 @@ class Store:
         files = {"record.json": _json(record), "image.exr": image, "state.npz": to_npz(state)}
         write_entry(self.root / "cells" / record.key, self.scratch, files)
 
-    def read_cell(self, key: str, verify: bool = True) -> Record | None:
-        """The record of a cell, or None; DamagedEntryError if it is damaged. verify: check every file's
-        bytes.
-        """
-        return self._read(self.root / "cells" / key, "record.json", Record, verify)
+    def read_cell(self, key: str) -> Record | None:
+        """The record of a cell, or None; DamagedEntryError if a byte of it is not what was written."""
+        return self._read(self.root / "cells" / key, "record.json", Record)
 
     def read_state(self, key: str) -> dict[str, NDArray[Any]]:
         """The float64 film of a cell, as `write_cell` stored it."""
@@ -75,15 +73,14 @@ class Store:
             files["error.exr"] = error_map
         write_entry(self.root / "scores" / key, self.scratch, files)
 
-    def read_score(self, key: str, verify: bool = True) -> ScoreCard | None:
+    def read_score(self, key: str) -> ScoreCard | None:
         """The scores under `key`, or None; DamagedEntryError if they are damaged."""
-        return self._read(self.root / "scores" / key, "card.json", ScoreCard, verify)
+        return self._read(self.root / "scores" / key, "card.json", ScoreCard)
 
-    def _read(self, entry: Path, name: str, model: type[M], verify: bool) -> M | None:
+    def _read(self, entry: Path, name: str, model: type[M]) -> M | None:
         if not entry.exists():
             return None
-        problem = damage(entry) if verify else None
-        if problem:
+        if problem := damage(entry):
             raise DamagedEntryError(f"{entry}: {problem}")
         try:
             return model.model_validate_json((entry / name).read_text(encoding="utf-8"))
@@ -157,37 +154,56 @@ class FinishedStudy:
 
 @dataclass(frozen=True)
 class Run:
-    """A run folder as it was read: its manifest, and the finished part of each study."""
+    """A run folder as it was read: its manifest, and the finished part of each study.
+
+    damaged: a line for each cell, score and reference that is not what was written, and left out therefore.
+    """
 
     root: Path
     manifest: Manifest
     studies: tuple[FinishedStudy, ...]
+    damaged: tuple[str, ...] = ()
 
 
 def load_run(root: Path) -> Run:
     """Read a run folder, finished or not; PenumbraError if there is no run in it.
 
-    Renders nothing and writes nothing.
+    The bytes of every entry are checked. A damaged one costs its own cell; a damaged or missing reference
+    costs the scores against it. Renders nothing and writes nothing.
     """
     store = Store(root)
     manifest = store.read_manifest()
+    damaged: dict[str, None] = {}
     studies: list[FinishedStudy] = []
     for study, entry in zip(manifest.sweep.study, manifest.studies, strict=True):
-        cells = tuple(cell for cell in (_finished(store, item) for item in entry.cells) if cell is not None)
+        found = (_finished(store, item, damaged) for item in entry.cells)
+        cells = tuple(cell for cell in found if cell is not None)
         studies.append(FinishedStudy(study, cells, len(entry.cells) - len(cells), tuple(entry.left_out)))
-    return Run(root, manifest, tuple(studies))
+    return Run(root, manifest, tuple(studies), tuple(damaged))
 
 
-def _finished(store: Store, entry: CellEntry) -> FinishedCell | None:
-    try:
-        record = store.read_cell(entry.key, verify=False)
-    except DamagedEntryError:
-        return None
-    try:
-        card = store.read_score(entry.score, verify=False)
-    except DamagedEntryError:
+def _finished(store: Store, entry: CellEntry, damaged: dict[str, None]) -> FinishedCell | None:
+    record = _undamaged(store.read_cell, entry.key, damaged)
+    card = _undamaged(store.read_score, entry.score, damaged)
+    if card is not None and (problem := _lost(store.root, card.reference)):
+        damaged[problem] = None
         card = None
     return FinishedCell(entry, record, card) if record is not None else None
+
+
+def _undamaged(read: Callable[[str], M | None], key: str, damaged: dict[str, None]) -> M | None:
+    try:
+        return read(key)
+    except DamagedEntryError as error:
+        damaged[str(error)] = None
+        return None
+
+
+def _lost(root: Path, reference: ReferenceInfo) -> str | None:
+    """The damage of a reference, in words; None if it is whole."""
+    folder = (root / reference.image).parent
+    problem = damage(folder) if folder.is_dir() else "it is missing"
+    return f"{folder}: {problem}" if problem else None
 
 
 def _json(model: BaseModel) -> bytes:

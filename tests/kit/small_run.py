@@ -30,6 +30,7 @@ from pipeline.schema.record import (
 )
 from pipeline.schema.sweep import Axes, ReferenceDeclaration, Study, Sweep
 from pipeline.store.run_folder import Store
+from pipeline.store.sealed_folder import write_entry
 from scenes.images.exr import write_estimate_exr, write_exr
 
 Array = NDArray[np.float64]
@@ -218,8 +219,9 @@ def _write_reference(store: Store, job: Job, image: Array) -> ReferenceInfo:
     key = f"ref-{job.parameters.get('gap', 'soft')}"
     path = store.root / "references" / key / "reference.exr"
     if not path.exists():
-        path.parent.mkdir(parents=True)
-        write_estimate_exr(path, image, np.full_like(image, 1e-8), 4096)
+        variance = np.full_like(image, 1e-8)
+        files = {path.name: lambda draft: write_estimate_exr(draft, image, variance, 4096)}
+        write_entry(path.parent, store.scratch, files)
     return ReferenceInfo(
         backend="closed-form" if job.parameters else "mitsuba",
         key=key,

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -199,3 +200,47 @@ def test_the_viewer_refuses_what_its_keys_do_not_reach() -> None:
         flip_script("x", [picture] * 11)
     with pytest.raises(ValueError, match="one size"):
         flip_script("x", [picture, Picture("b", np.ones((3, 2, 3)))])
+
+
+@pytest.fixture
+def copied(small_run: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(small_run, tmp_path / "run", ignore=shutil.ignore_patterns("report")))
+
+
+def _scaled(path: Path) -> None:
+    """Every value of a card times 100, in valid JSON."""
+    card = json.loads(path.read_text())
+    for score in card["scores"].values():
+        score["value"] = None if score["value"] is None else 100 * score["value"]
+    path.write_text(json.dumps(card))
+
+
+def _flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("part", "harm", "told"),
+    [
+        ("scores/score-samples-000/card.json", _scaled, "Not scored yet: 1 of 66 images"),
+        ("scores/score-samples-000/error.exr", _flipped, "Not scored yet: 1 of 66 images"),
+        ("cells/samples-000/image.exr", _flipped, "1 of 66 images missing"),
+        ("cells/samples-000/image.exr", lambda path: path.write_bytes(b""), "1 of 66 images missing"),
+        ("references/ref-soft/reference.exr", Path.unlink, "Not scored yet: 48 of 66 images"),
+    ],
+)
+def test_damage_costs_its_own_cell_and_is_told(
+    copied: Path, part: str, harm: Callable[[Path], object], told: str
+) -> None:
+    """Catches altered numbers that are printed, and one lost file that denies the whole report."""
+    harm(copied / part)
+    text = write_report(copied).read_text(encoding="utf-8")
+    assert told in text
+    assert "Damaged since they were written: 1 part of this run" in text
+    assert (
+        str(Path(part).parent) in text
+        and ("is missing" if harm is Path.unlink else "not what was written") in text
+    )
+    assert "A small run" in text and "overflow" in text

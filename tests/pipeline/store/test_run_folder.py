@@ -146,17 +146,31 @@ def _manifest(record: Record, scores: str) -> Manifest:
 def test_a_run_is_loaded_with_what_it_has_and_what_it_lacks(store: Store, record: Record) -> None:
     write(store, record)
     info = ReferenceInfo(
-        backend="fake", key="k", spp=0, batches=0, rms_standard_error=0.0, seconds=0.0, image="r.exr"
+        backend="fake",
+        key="k",
+        spp=0,
+        batches=0,
+        rms_standard_error=0.0,
+        seconds=0.0,
+        image="references/k/r.exr",
     )
+    write_entry(store.root / "references" / "k", store.scratch, {"r.exr": b"a reference"})
     card = ScoreCard(cell=record.key, reference=info, scores={"mse": Score(metric="mse", value=float("inf"))})
     store.write_score("5" * 32, card, None)
     store.write_manifest(_manifest(record, "5" * 32))
     run = load_run(store.root)
     (study,) = run.studies
     assert (len(study.cells), study.missing) == (1, 1)
-    assert study.cells[0].card == card
+    assert (study.cells[0].card, run.damaged) == (card, ())
+    (store.root / "references" / "k" / "r.exr").unlink()
+    run = load_run(store.root)
+    assert run.studies[0].cells[0].card is None and run.damaged == (
+        f"{store.root / 'references/k'}: r.exr is missing",
+    )
     (store.root / "cells" / record.key / "record.json").write_text("{")
-    assert load_run(store.root).studies[0].missing == 2
+    run = load_run(store.root)
+    assert run.studies[0].missing == 2
+    assert run.damaged[0] == f"{store.root / 'cells' / record.key}: record.json is not what was written"
 
 
 def test_no_run_and_a_foreign_manifest(tmp_path: Path) -> None:
