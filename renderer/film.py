@@ -37,9 +37,9 @@ class Film:
     maximum: Floats
 
     def variance_of_mean(self) -> Floats:
-        """(h, w, 3) variance of the mean of independent samples; NaN below two samples.
+        """(h, w, 3) variance of the mean, for independent samples; NaN below two samples.
 
-        Low-discrepancy samples are not independent. Their variance is far below this figure and needs
+        The mean of low-discrepancy samples varies far less than this figure says. Its variance takes
         replicates.
         """
         n = self.count[..., None].astype(np.float64)

@@ -51,7 +51,9 @@ class Measure:
 
 @dataclass(frozen=True)
 class Point:
-    """The replicates of one configuration. x: its position on the study's axis; place: that in words."""
+    """The replicates of one configuration. x: its position on the study's axis. place: that position in
+    words.
+    """
 
     x: float
     place: str

@@ -113,7 +113,9 @@ class CoatedMaterials(Layers):
         return np.where(up, lobes.pdf(wo, wi), 0.0)
 
     def sample(self, hit: SurfaceHit, u: Floats) -> BSDFSample:
-        """One of the lobes; that of a smooth coat is the mirror's direction, with all that goes there."""
+        """A direction of one of the lobes. A smooth coat's lobe is the mirror's direction, with all the light
+        that goes there.
+        """
         frame = self._frame(hit)
         wo = _into(frame, hit.wo)
         lobes = _Lobes.at(self, hit, wo)

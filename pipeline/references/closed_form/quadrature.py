@@ -39,9 +39,9 @@ _X, _W, _LOW = _nested_rules()
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Trapezoids: x from x0 to x1, s from the line l0-l1 to the line r0-r1. owner: (n,).
+    """Trapezoids, each part of a polygon: x from x0 to x1, s from the line l0-l1 to the line r0-r1.
 
-    shape: (6, n), rows x0 x1 l0 l1 r0 r1.
+    shape: (6, n), rows x0 x1 l0 l1 r0 r1. owner: (n,) the number of the owner, a pixel, that each belongs to.
     """
 
     shape: Array
@@ -104,7 +104,8 @@ class Totals:
 
 
 def trapezoids(polygons: Array, owner: Index) -> Cells:
-    """Cut convex polygons (n, v, 2) in (x, s) into trapezoids at the x of their vertices.
+    """Cut convex polygons (n, v, 2) in (x, s) into trapezoids at the x of their vertices. owner: (n,) of each
+    polygon.
 
     Either orientation and repeated vertices are allowed.
     """

@@ -41,11 +41,11 @@ def image_of(
 def numbers_of(
     builder: Builder, parameters: Parameters, name: str, encoding: str, wrap: str, filter_: str
 ) -> Array:
-    """As `image_of`, for a texture of numbers: three equal components.
+    """The image file `name`, as by `image_of`, for a texture of numbers: three equal components.
 
-    Of a file of colours pbrt-v4 takes red where it takes single texels, as the filter "point" does, and where
-    it interpolates alpha, or the mean of red, green and blue if the file is opaque everywhere. "EWA" does now
-    the one and now the other: it is reported, unless the two are the same.
+    From a file of colours pbrt-v4 takes red for the filter "point". For interpolating filters it takes alpha,
+    or the mean of red, green and blue if the file is opaque. "EWA" takes now red and now the other: it is
+    reported unless both are equal.
     """
     return _found(builder, parameters, name, encoding, wrap, filter_.lower())
 

@@ -1,12 +1,12 @@
-"""A `SceneDescription` as real pbrt-v4 text: one file, and its images beside it, that pbrt-v4 renders to the
+"""A `SceneDescription` as real pbrt-v4 text: one file, with its images beside it, that pbrt-v4 renders to the
 same image.
 
 Numbers are written so that reading them gives the same float64, and transformations so that no rounding
-enters (a rotation is inverted by transposition, and translations stand apart from it). What is read back is
-therefore bitwise the description that was written, with the same `content_hash`; images go through float32,
-which those of EXR files are. A camera whose axes are farther from orthonormal than `transforms.ROUNDING`
-cannot come from a scene file and is refused. What pbrt-v4 lacks is written in our own words, under a comment
-that says so.
+enters (a rotation is inverted by transposition, and translations stand apart from it). The description that
+is read back is therefore bitwise the one that was written, with the same `content_hash`. Images are rounded
+to float32, the precision of EXR files. A camera whose axes are farther from orthonormal than
+`transforms.ROUNDING` cannot come from a scene file and is refused. Things that pbrt-v4 lacks are written in
+words of ours, under a comment that says so.
 """
 
 from __future__ import annotations
