@@ -254,3 +254,19 @@ def test_all_of_a_coated_metal_is_read() -> None:
 )
 def test_of_rough_coats_a_note_says_how_pbrts_image_differs(body: str, noted: bool) -> None:
     assert any("rough coat" in note for note in world(body + BALL).notes) == noted
+
+
+@pytest.mark.parametrize(
+    ("coat", "share"),
+    [("roughness", {0.0009: "1 %", 0.01: "4 %", 0.09: "10 %", 1.0: "17 %"}), ("vroughness", {0.09: "10 %"})],
+)
+def test_a_rough_coat_is_noted_with_the_difference_to_expect(coat: str, share: dict[float, str]) -> None:
+    """The roughness is the square of alpha, at which the difference was measured."""
+    for roughness, told in share.items():
+        kind = f'Material "coateddiffuse" "float uroughness" 0.0009 "float {coat}" {roughness}'
+        scene = world(kind.replace('"float uroughness" 0.0009 "float roughness"', '"float roughness"') + BALL)
+        assert any(
+            f"darker, by up to {told} of what this rough coat lets through" in note for note in scene.notes
+        )
+    smooth = world('Material "coateddiffuse" "float roughness" 0' + BALL)
+    assert not any("rough coat" in note for note in smooth.notes)
